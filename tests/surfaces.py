@@ -9,7 +9,6 @@ from carigs.settings import Exaggerate
 
 RAW = Exaggerate(
     curvature_floor=1e-9,
-    relative_curvature=False,
     curvature_smoothing=0.0,
     limit_cavities=False,
     gap_stiffness=0.0,

@@ -95,7 +95,7 @@ def _train(
     from carigs.stages.train import train
 
     density = {} if not settings.train.density.every else {"start": 1, "every": 1, "stop": NUM_STEPS}
-    short = {"iterations": NUM_STEPS, "budget": None, "start": None, "regularize_from": 1, "density": density}
+    short = {"iterations": NUM_STEPS, "budget": None, "start": None, "density": density}
     avatar = folder / "avatar.npz"
     train(
         _section(settings, "train", **short, **changes), **paths, hair=hair, targets=targets,

@@ -250,7 +250,7 @@ class WeightedPoisson:
                 size(mean_face, self.faces),
             )
             return (log_own - log_reference) - (log_mean - log_mean_reference)
-        return log_own - log_reference if self.settings.relative_curvature else log_own
+        return log_own - log_reference if self.settings.normalize_weights else log_own
 
     def _limit_in_cavities(
         self, log_curvature: Float[np.ndarray, " v"], cavity: Float[np.ndarray, " v"]

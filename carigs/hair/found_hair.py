@@ -14,7 +14,7 @@ from carigs.errors import InputError
 from carigs.hair.body import Body, carve_body, shows_body
 from carigs.hair.covered_faces import covered_faces
 from carigs.hair.hull import Voxels
-from carigs.hair.labels import CLASS_ORDERS, read_covering
+from carigs.hair.labels import read_covering
 from carigs.hair.strands import Strands, strand_directions
 from carigs.hair.views import read_views, some_views
 from carigs.hair.visible_voxels import visible_shares
@@ -156,8 +156,8 @@ def _label_reader(settings: Hair) -> Callable[[Frame, tuple[int, int]], np.ndarr
     """What reads the pixels of a frame that labels call covering; None without labels."""
     if settings.labels is None:
         return None
-    folder, classes = Path(settings.labels), settings.label_classes or CLASS_ORDERS[settings.label_order]
-    return lambda frame, size: read_covering(folder / f"{frame.name}.png", classes, size)
+    folder = Path(settings.labels)
+    return lambda frame, size: read_covering(folder / f"{frame.name}.png", settings.label_classes, size)
 
 
 def load_hair(file: Path, num_faces: int) -> FoundHair:

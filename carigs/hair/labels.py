@@ -11,13 +11,6 @@ from jaxtyping import Bool, Float, Int
 from carigs.errors import InputError
 from carigs.readers.images import read_pixels
 
-CLASS_ORDERS = {
-    # CelebAMask-HQ (Lee et al. 2020), in the order of its list of classes: glasses, hair, hat, earring, necklace, cloth
-    "celebamask": (3, 13, 14, 15, 16, 18),
-    # The order of the face parsers that were trained on it with BiSeNet (Yu et al. 2018)
-    "bisenet": (6, 9, 15, 16, 17, 18),
-}
-"""Values of the classes that cover a head, by the name of the order (`hair.label_order`)."""
 MIN_VIEWS = 3
 """Least number of labelled views that show a triangle."""
 COVERED_SHARE = 0.5

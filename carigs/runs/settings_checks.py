@@ -90,7 +90,7 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
             folder = truth.replace("{level}", shown[-1])
             lines.append(f"truth.folder: no folder {folder}; {subject} is compared with no true caricature")
     weights = config.metrics.weights
-    if weights and not config.metrics.download and not Path(weights).is_dir():  # a download makes the folder
+    if weights and not Path(weights).is_dir():
         lines.append(f"metrics.weights: there is no folder {weights}; weights are searched for in the other places")
     return lines
 

@@ -18,7 +18,7 @@ from carigs.settings.option import MAX_SEED, OF_PATH, Section, check_section, op
 from carigs.settings.regions import Regions
 from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate, TargetSheet
 from carigs.settings.track import Track
-from carigs.settings.train import Density, Plateau, RefineTracking, Train, combine_mask_flags
+from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
     "DEFAULT_MASK_FLAGS",
@@ -37,7 +37,6 @@ __all__ = [
     "Html",
     "MaskFlag",
     "Metrics",
-    "Plateau",
     "RefineTracking",
     "Regions",
     "Render",

@@ -65,8 +65,8 @@ class CaptureSettings(Section, key="capture"):
     2024). auto compares outlines of the posed mesh and of mattes, unless the principal point is in the middle."""
     body: str = option("keep", choices=("keep", "cut"))
     """What happens to neck, shoulders and clothes below the head model, of a folder or a video. `keep`: where frames
-    show them, surfels of their own do (`train.body_surfels`). `cut`: frames and mattes end below the chin, which makes
-    a bust."""
+    show them, surfels of their own do, which move with the border of the neck. `cut`: frames and mattes end below the
+    chin, which makes a bust."""
     match_exposure: bool = True
     """Match exposure and white balance of training frames to those of the validation camera, or of the most frontal
     one, where they differ. Frames that are held out stay as they are; so do those of the toy."""

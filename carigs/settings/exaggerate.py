@@ -23,8 +23,6 @@ class Exaggerate(Section, key="exaggerate"):
     """gamma_f, the level that is trained for."""
     curvature_floor: float = option(0.3, unit="K_ref", gt=0, le=1e6)
     """eps in |K|_eps = sqrt(K^2 + eps^2)."""
-    relative_curvature: bool = True
-    """Divide |K| by K_ref, so that the result does not depend on the unit of the mesh."""
     curvature_smoothing: float = option(0.005, unit="bounding-box diagonals", ge=0, le=1)
     """Length over which curvature is smoothed by a heat step (0: not smoothed)."""
     curvature_source: str = option("subject", choices=("subject", "ratio", "template"))
@@ -37,7 +35,8 @@ class Exaggerate(Section, key="exaggerate"):
     gap_stiffness: float = option(20.0, ge=0, le=1e6)
     """Stiffness across narrow gaps relative to the skin's (0: none), so that lips and lids do not intersect."""
     normalize_weights: bool = True
-    """Divide the weights by their area mean, which keeps the overall size."""
+    """Divide |K| by K_ref, and the weights by their area mean: the result does not depend on the unit of the mesh, and
+    the overall size stays."""
     rigid_components: bool = True
     """Small components (eyeballs) follow their surroundings by a similarity."""
     blendshape_transfer: str = option("mixed", choices=("offset", "linear", "mixed"))

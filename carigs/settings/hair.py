@@ -18,8 +18,7 @@ class Hair(Section, key="hair"):
     """Folder of semantic labels, as a face parser writes them: per frame a grey PNG `{timestep:05d}_{camera:02d}.png`
     with the class of each pixel. Triangles that most labels call covered are covered, also brows and lids. Some frames
     may be missing."""
-    label_order: str = option("bisenet", choices=("bisenet", "celebamask"))
-    """Order of the classes: of face parsers with BiSeNet (hair is 17), or of CelebAMask-HQ's list (hair is 13)."""
-    label_classes: tuple[int, ...] = option((), ge=0, le=255)
-    """Values of the classes that cover the head, of labels in another order; if empty, glasses, earrings, necklaces,
-    cloth, hair and hats in the order above."""
+    label_classes: tuple[int, ...] = option((6, 9, 15, 16, 17, 18), ge=0, le=255)
+    """Values of the classes that cover the head. By default those of glasses, earrings, necklaces, cloth, hair and hats
+    in the order of face parsers with BiSeNet (hair is 17); in that of CelebAMask-HQ's list (hair is 13) they are
+    `[3,13,14,15,16,18]`."""

@@ -25,16 +25,10 @@ class Render(Section, key="render"):
 class TargetSheet(Section, key="target_sheet"):
     """A contact sheet of GT* targets."""
 
-    rows: int = option(5, ge=1, le=1000)
-    """Most targets that it shows, evenly spread over the training frames."""
-
 
 @dataclass
 class Html(Section, key="html"):
     """The avatar as one HTML file."""
-
-    timesteps: int = option(30, ge=1, le=MAX_COUNT)
-    """Most timesteps of its clip, which are the first of the capture."""
 
 
 @dataclass
@@ -46,8 +40,6 @@ class Metrics(Section, key="metrics"):
     weights: str | None = option(None, is_path=True)
     """Folder with network weights. Searched next: the folder in the environment variable CARIGS_WEIGHTS, the cache of
     the Hugging Face hub, and torch's."""
-    download: bool = False
-    """Download weights that are missing, into the first of these folders that is set, else into torch's cache."""
     embeddings: tuple[str, ...] = option(
         ("clip", "dino_vits16"), choices=("clip", "dino_vits16", "dino_vitb8", "dino_vitb8_patch_l11")
     )
@@ -112,7 +104,3 @@ class Card(Section, key="card"):
 @dataclass
 class Report(Section, key="report"):
     """The page with card, tables and figures."""
-
-    max_megabytes: float = option(15.0, unit="MB", ge=0.5, le=1000)
-    """Largest size of the page. Figures are reduced, then left out, to keep to it; if the page is larger without them,
-    a warning says so."""

@@ -45,22 +45,11 @@ class RefineTracking(Section, key="train.refine_tracking"):
     until: float = option(0.0, ge=0, le=1)
     """Share of the training's steps, the first ones, that optimise pose and expression of the training frames along
     with the surfels (0: none). With 0.5, those of the other half settle on a head that stays."""
-    translation_lr: float = option(6e-5, unit="metres", ge=0, lt=1)
-    """Learning rate of the translation."""
-    rotation_lr: float = option(6e-4, unit="radians", ge=0, lt=1)
-    """Learning rate of head, neck, jaw and eye rotations."""
+    translation_lr: float = option(6e-5, unit="metres", ge=0, lt=0.1)
+    """Learning rate of the translation. That of head, neck, jaw and eye rotations is ten times as many radians: what is
+    10 cm from a joint moves as far by either."""
     expression_lr: float = option(3e-3, ge=0, lt=1)
     """Learning rate of the expression coefficients."""
-
-
-@dataclass
-class Plateau(Section, key="train.plateau"):
-    """Early end of a training whose images of held-out frames (the split `val`) no longer improve."""
-
-    every: int = option(0, ge=0, le=MAX_COUNT)
-    """Steps between two measurements of these images, after density control; 0: the training does all its steps, as
-    tables that compare variants need. It ends early where the PSNR of the last quarter of the steps done exceeds that
-    of the quarter before by less than 0.03 dB."""
 
 
 @dataclass
@@ -108,26 +97,19 @@ class Train(Section, key="train"):
     initial_scale: float = option(0.5, unit="triangle units", gt=0, le=100)
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
     initial_opacity: float = option(0.6, gt=0, lt=1)
-    """Initial opacity of the surfels on triangles."""
+    """Initial opacity of the surfels on triangles; at most 0.3 on eyeballs and lids, which hide each other, and on
+    brows, whose details are finer than the triangles."""
     cover_unseen: str = option("skin", choices=("none", "skin", "all"))
     """What no training frame shows of the skin, such as the back of a head in front of one camera, and opaque discs in
     the colours around cover, which are not trained: `none`, the `skin` that carries no hair, or `all`, the scalp too.
     What is not covered ends as noise."""
-    initial_feature_opacity: float = option(0.3, gt=0, lt=1)
-    """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
-    than the triangles."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of `regions.hair`."""
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)
     """Surfels inside the mouth, which move with skull and jaw, if frames show it open and the head model has a space
     behind the lips."""
-    body_surfels: int = option(6000, ge=0, le=1_000_000)
-    """Surfels of neck, shoulders and clothes below the head model, which move with the border of its neck, if frames
-    show them."""
     hair_grows: bool = False
     """Whether hair and brows grow with the skin of a caricature; otherwise strands keep their length and width."""
-    ssim_weight: float = option(0.2, ge=0, le=1)
-    """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
     position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)
     """Initial learning rate of positions."""
     rotation_lr: float = option(0.03, ge=0, le=10)
@@ -144,13 +126,10 @@ class Train(Section, key="train"):
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
     """The same for positions."""
     distortion_weight: float = option(0.0, ge=0, le=1e6)
-    """Weight of the depth distortion regularizer of 2DGS."""
+    """Weight of the depth distortion regularizer of 2DGS, from a quarter of the steps on."""
     normal_weight: float = option(0.0, ge=0, le=1e6)
-    """Weight of the normal consistency regularizer of 2DGS."""
-    regularize_from: int = option(500, ge=0, le=MAX_COUNT)
-    """First step with the distortion and normal regularizers."""
+    """Weight of the normal consistency regularizer of 2DGS, from a quarter of the steps on."""
     density: Density = field(default_factory=Density)
-    plateau: Plateau = field(default_factory=Plateau)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
     edit: Edit = field(default_factory=Edit)
     backend: str = option("cpu", choices=("cpu", "torch", "cuda"))

@@ -8,12 +8,15 @@ from carigs.library import load
 from carigs.settings import Html
 from carigs.viewer.html.page import write_html
 
+TIMESTEPS = 30
+"""Most timesteps of the clip, which are the first of the capture."""
+
 
 def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
     """Write the page of an avatar.
 
     Args:
-        settings: Length of the clip.
+        settings: Settings of the stage: there are none.
         avatar: The trained avatar.
         title: Title of the page.
         page: HTML file to write.
@@ -22,4 +25,4 @@ def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
         InputError: The avatar is malformed.
     """
     head = load(avatar)
-    write_html(head, page, timesteps=head.timesteps[: settings.timesteps], title=title)
+    write_html(head, page, timesteps=head.timesteps[:TIMESTEPS], title=title)

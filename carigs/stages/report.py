@@ -34,7 +34,9 @@ from evaluation.tables.typeset import comparison_tables
 
 FIGURE_WIDTH = 1800
 """Largest width of a figure in the page, in pixels."""
-NO_FIGURES = "all figures: with them the page would be larger than report.max_megabytes"
+MAX_BYTES = 15e6
+"""Largest size of the page. Figures are reduced, then left out, to keep to it."""
+NO_FIGURES = f"all figures: with them the page would have more than {MAX_BYTES / 1e6:g} MB"
 CAPTIONS = {
     "ablation": "all variants of the study at every level",
     "renderings": "the baseline at the highest level, and the method from level 0 to it (figure 5 of the paper)",
@@ -70,7 +72,7 @@ def report(
     """Write the report of a study.
 
     Args:
-        settings: Size of the page.
+        settings: Settings of the stage: there are none.
         card: Benchmark card of the study.
         table: Summary of the study, as the stage `tabulate` writes it.
         figures: Folder with the figures of each subject.
@@ -89,7 +91,6 @@ def report(
 
     Raises:
         InputError: An input is malformed.
-        CarigsError: The page cannot be made as small as `settings.max_megabytes`.
     """
     made, used = read_card(card), {(file.parent.name, file.stem): file for file in made_with}
     rendered = {point: folder for point, folder in zip(product(subjects, variants), frames, strict=True)}
@@ -129,7 +130,7 @@ def report(
         content.skipped = skipped if with_figures else [*skipped, NO_FIGURES]
         return content
 
-    text = html.page_within(settings.max_megabytes * 1e6, fill)
+    text = html.page_within(MAX_BYTES, fill)
     with writing(page) as part:
         part.write_text(text, encoding="utf-8")
 

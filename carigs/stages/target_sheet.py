@@ -16,7 +16,7 @@ def target_sheet(settings: TargetSheet, *, capture: Path, path: Path, index: Pat
     """Draw some of the targets with their mask flags; for the toy, beside renderings of its true caricature.
 
     Args:
-        settings: How many targets are shown.
+        settings: Settings of the stage: there are none.
         capture: Input: the index of the capture.
         path: Input: the exaggeration path.
         index: Input: the index of the targets.
@@ -29,4 +29,4 @@ def target_sheet(settings: TargetSheet, *, capture: Path, path: Path, index: Pat
     subject = Capture.load(capture)
     exaggerated = read_subject_path(path, subject.model).at(level)
     with writing(sheet) as part:
-        draw_target_sheet(part, subject, read_targets(index, subject).targets, exaggerated, settings.rows)
+        draw_target_sheet(part, subject, read_targets(index, subject).targets, exaggerated)

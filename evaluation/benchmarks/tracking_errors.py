@@ -58,7 +58,7 @@ def slower(until: float, factor: float) -> RefineTracking:
     Returns:
         The settings.
     """
-    rates = {name: factor * getattr(DEFAULT, name) for name in ("translation_lr", "rotation_lr", "expression_lr")}
+    rates = {name: factor * getattr(DEFAULT, name) for name in ("translation_lr", "expression_lr")}
     return replace(DEFAULT, until=until, **rates)
 
 

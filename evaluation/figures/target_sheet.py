@@ -21,11 +21,11 @@ from evaluation.figures.strips import ERROR_SCALE, error_map
 
 HEIGHT = 300
 """Height of each image in pixels."""
+ROWS = 5
+"""Most targets that are shown, evenly spread over the training frames."""
 
 
-def draw_target_sheet(
-    file: Path, subject: Capture, targets: Sequence[TargetFrame], exaggerated: Caricature, rows: int
-) -> None:
+def draw_target_sheet(file: Path, subject: Capture, targets: Sequence[TargetFrame], exaggerated: Caricature) -> None:
     """Draw some of the targets; for the toy, beside renderings of its true caricature.
 
     Pixels of the default flags are solid, those of other flags tinted.
@@ -35,9 +35,8 @@ def draw_target_sheet(
         subject: The capture.
         targets: The targets.
         exaggerated: The caricature of the head.
-        rows: Most targets that are shown, evenly spread.
     """
-    shown = evenly_spread(list(targets), rows)
+    shown = evenly_spread(list(targets), ROWS)
     if is_toy := (subject.root / "subject.npz").is_file():
         from carigs.toy import load_subject, render_subject
 

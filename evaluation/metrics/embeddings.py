@@ -51,7 +51,7 @@ def embedding_weights(settings: Metrics) -> dict[str, Path | WeightsMissing]:
     found: dict[str, Path | WeightsMissing] = {}
     for name in _networks(settings):
         try:
-            found[name] = find_weights(registered(name), settings.weights, download=settings.download)
+            found[name] = find_weights(registered(name), settings.weights)
         except WeightsMissing as error:
             if settings.strict:
                 raise

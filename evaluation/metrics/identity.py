@@ -70,7 +70,7 @@ def find_dlib_weights(settings: Metrics) -> Path:
     weights, package = registered(WEIGHTS), find_spec("face_recognition_models")
     if package is not None and locate_weights(weights, settings.weights) is None:
         return find_weights(weights, Path(package.submodule_search_locations[0]) / "models")
-    return find_weights(weights, settings.weights, download=settings.download)
+    return find_weights(weights, settings.weights)
 
 
 def load_dlib(file: Path) -> FaceNetwork:

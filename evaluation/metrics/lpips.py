@@ -144,7 +144,7 @@ def load_lpips_metrics(settings: Metrics, threads: int = 1) -> tuple[dict[str, t
             networks[metric] = networks[shared]
             continue
         try:
-            file = find_weights(registered(WEIGHTS[trunk]), settings.weights, download=settings.download)
+            file = find_weights(registered(WEIGHTS[trunk]), settings.weights)
         except WeightsMissing as error:
             if settings.strict:
                 raise

@@ -113,7 +113,7 @@ def sd_records(
 def _scores(
     name: str, frames: Sequence[RenderedImage], background: float, settings: Metrics, threads: int
 ) -> Float[np.ndarray, " n"]:
-    folder = find_weights(registered(name), settings.weights, download=settings.download)
+    folder = find_weights(registered(name), settings.weights)
     import torch
 
     model = load_diffusion_model(folder, set_up_torch(threads))

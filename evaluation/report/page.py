@@ -123,7 +123,7 @@ def page_within(max_bytes: float, make: Callable[[float, bool], ReportContent]) 
             size = len(page.encode())
             if size <= max_bytes:
                 return page
-    problem = f"the report has {size / 1e6:.1f} MB without figures, more than report.max_megabytes={max_bytes / 1e6:g}"
+    problem = f"the report has {size / 1e6:.1f} MB without figures, more than {max_bytes / 1e6:g} MB"
     warnings.warn(problem, CarigsWarning, stacklevel=2)
     return page
 

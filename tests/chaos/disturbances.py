@@ -205,7 +205,7 @@ def _edit_head(project: Project) -> Callable[[], None]:
 
 def _edit_settings(project: Project) -> Callable[[], None]:
     file = project.root / "conf/study/mini.yaml"
-    return _replace(file, lambda text: text.replace("train: {", "train: {ssim_weight: 0.3, "))
+    return _replace(file, lambda text: text.replace("train: {", "train: {initial_scale: 0.3, "))
 
 
 EDITS = {"code": _edit_code, "cameras": _edit_cameras, "head parameters": _edit_head, "settings": _edit_settings}

@@ -10,7 +10,7 @@ from carigs.capture import read_dataset
 from carigs.errors import InputError, SettingsError
 from carigs.hair import find_hair
 from carigs.hair.covered_faces import covered_faces
-from carigs.hair.labels import CLASS_ORDERS, MIN_VIEWS, labelled_as_covered, read_covering
+from carigs.hair.labels import MIN_VIEWS, labelled_as_covered, read_covering
 from carigs.hair.views import read_views
 from carigs.settings import Hair
 
@@ -25,8 +25,9 @@ def test_classes_are_read_and_scaled(tmp_path):
     labels[:2, :3], labels[2:, 3:] = 17, 13
     file = write(tmp_path / "a.png", labels)
     assert read_covering(tmp_path / "missing.png", (17,), (4, 6)) is None
-    for name, value in (("bisenet", 17), ("celebamask", 13)):
-        np.testing.assert_array_equal(read_covering(file, CLASS_ORDERS[name], (4, 6)), labels == value)
+    # By default hair is 17; CelebAMask-HQ's list, where it is 13, has 17 for the neck.
+    for classes, value in ((Hair().label_classes, 17), ((3, 13, 14, 15, 16, 18), 13)):
+        np.testing.assert_array_equal(read_covering(file, classes, (4, 6)), labels == value)
     np.testing.assert_array_equal(read_covering(file, (17, 13), (8, 12)), np.kron(labels > 0, np.ones((2, 2), bool)))
     np.testing.assert_array_equal(read_covering(file, (17,), (2, 3)), [[True, False, False], [False] * 3])
 
@@ -99,6 +100,6 @@ def test_a_folder_without_labels_is_an_error(subject, tmp_path):
 
 def test_settings_are_checked():
     Hair(labels="x", label_classes=(0, 255))
-    for wrong in ({"label_order": "mine"}, {"label_classes": (256,)}, {"label_classes": (-1,)}):
+    for wrong in ({"label_classes": (256,)}, {"label_classes": (-1,)}):
         with pytest.raises(SettingsError, match=r"hair\.label_"):
             Hair(**wrong)

@@ -83,12 +83,12 @@ def test_a_file_of_ones_own_is_checked_before_hydra_opens_it(content, tmp_path, 
 @pytest.mark.parametrize(("encoding", "says"), [("utf-8-sig", None), ("utf-16", "UTF-16"), ("latin-1", "Latin-1")])
 def test_the_encoding_of_a_file_of_ones_own_is_named_before_hydra_opens_it(encoding, says, tmp_path, monkeypatch):
     (tmp_path / "conf/variant").mkdir(parents=True)
-    text = "# @package _global_\n# Größe\ntrain:\n  ssim_weight: 0.4\n"
+    text = "# @package _global_\n# Größe\ntrain:\n  initial_scale: 0.4\n"
     (tmp_path / "conf/variant/mine.yaml").write_bytes(text.encode(encoding))
     monkeypatch.chdir(tmp_path)
     compose.cache_clear()
     if says is None:
-        assert compose("variant=mine").train.ssim_weight == 0.4
+        assert compose("variant=mine").train.initial_scale == 0.4
     else:
         with pytest.raises(InputError, match=rf"mine\.yaml: .*{says}"):
             compose("variant=mine")

@@ -89,19 +89,18 @@ def test_a_truth_that_is_nowhere_is_named_and_one_level_is_enough(own, tmp_path)
 def test_settings_that_follow_gamma_cannot_be_shared_by_several_gammas(tmp_path, monkeypatch):
     """Only the paths of `exaggerate` tell gammas apart."""
     (tmp_path / "conf/study").mkdir(parents=True)
-    (tmp_path / "conf/study/tied.yaml").write_text("# @package _global_\ntrain:\n  ssim_weight: ${gamma}\n")
+    (tmp_path / "conf/study/tied.yaml").write_text("# @package _global_\ntrain:\n  initial_scale: ${gamma}\n")
     monkeypatch.chdir(tmp_path)
     compose.cache_clear()
     gammas = [["study=tied", f"gamma={gamma}"] for gamma in (0.1, 0.2)]
     with pytest.raises(SettingsError, match="settings of train depend on it"):
         check_study(gammas)
     check_study(gammas[:1])
-    check_study([[*overrides, "train.ssim_weight=0.3"] for overrides in gammas])
+    check_study([[*overrides, "train.initial_scale=0.3"] for overrides in gammas])
     compose.cache_clear()
 
 
-def test_a_folder_of_weights_that_is_nowhere_is_named_unless_a_download_makes_it(tmp_path):
+def test_a_folder_of_weights_that_is_nowhere_is_named(tmp_path):
     (line,) = settings_warnings(["metrics.weights=/nowhere/wieghts"])
     assert line == "metrics.weights: there is no folder /nowhere/wieghts; weights are searched for in the other places"
-    assert settings_warnings(["metrics.weights=/nowhere/wieghts", "metrics.download=true"]) == []
     assert settings_warnings([f"metrics.weights={tmp_path}"]) == []

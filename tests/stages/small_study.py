@@ -44,7 +44,7 @@ def small_settings() -> dict[str, Any]:
         "tabulate": Tabulate(),
         "figures": Figures(),
         "card": Card(machine=False),
-        "html": Html(timesteps=2),
+        "html": Html(),
         "report": Report(),
     }
 

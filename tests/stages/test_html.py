@@ -1,4 +1,4 @@
-"""The stage `html`: a page whose clip is as long as the settings say."""
+"""The stage `html`: a page whose clip has the first timesteps of the capture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from carigs.cli import export
 from carigs.errors import SettingsError
 from carigs.settings import Html
 from carigs.splat.avatar import save_avatar
-from carigs.stages.html import html
+from carigs.stages import html as stage
 
 
 def header(page) -> dict:
@@ -26,9 +26,10 @@ def avatar(tmp_path_factory):
     return file
 
 
-def test_the_clip_is_no_longer_than_the_settings_say(avatar, tmp_path):
+def test_the_clip_has_the_first_timesteps(avatar, tmp_path, monkeypatch):
     for most in (2, 99):
-        html(Html(timesteps=most), avatar=avatar, title="ball", page=tmp_path / "page.html")
+        monkeypatch.setattr(stage, "TIMESTEPS", most)
+        stage.html(Html(), avatar=avatar, title="ball", page=tmp_path / "page.html")
         made = header(tmp_path / "page.html")
         assert made["timesteps"] == list(range(min(most, TIMESTEPS)))
         assert made["fps"] == 24

@@ -8,7 +8,6 @@
 - `photometric_loss`: L1 and SSIM; `ssim`: its kernel; `regularizers`: threshold losses, normal consistency
 - `adam`: `Adam` with freezing of rows; `density`: cloning, splitting and pruning
 - `tracking_refinement`: `TrackingRefinement`, head parameters that are optimised with the surfels
-- `plateau`: the early end of a training whose held-out frames no longer improve
 - `initial_surfels`: surfels on triangles, inside the hair, inside the mouth
 - `checkpoint`: `TrainingState` on disk; `progress`: progress on stderr
 """

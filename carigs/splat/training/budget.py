@@ -52,7 +52,4 @@ def with_iterations(settings: Train, iterations: int) -> Train:
         density, start=scaled(density.start), stop=scaled(density.stop), every=scaled(density.every),
         reset_every=scaled(density.reset_every),
     )  # fmt: skip
-    return replace(
-        settings, iterations=iterations, budget=None, density=density, regularize_from=scaled(settings.regularize_from),
-        plateau=replace(settings.plateau, every=scaled(settings.plateau.every)),
-    )  # fmt: skip
+    return replace(settings, iterations=iterations, budget=None, density=density)

@@ -18,7 +18,6 @@ from carigs.readers.npz import read_npz
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
-from carigs.splat.training.plateau import Ending
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 from carigs.system.files import writing
 
@@ -39,11 +38,9 @@ class TrainingState:
     Attributes:
         iteration: Number of steps done.
         iterations: Number of steps of the settings, or that fit into their budget.
-        ending: Where the training ends.
         surfels: The surfels.
         adam: Their optimiser.
         statistics: Gradients since the last density control.
-        validation: Numbers of steps, and the PSNR (dB) of the held-out frames after them.
         log: Rows of the log.
         losses: Losses since the last row; tensors on a device if the step computes there.
         seconds: Training time, earlier runs included.
@@ -53,11 +50,9 @@ class TrainingState:
 
     iteration: int
     iterations: int
-    ending: Ending
     surfels: Surfels
     adam: Adam
     statistics: GradientStatistics
-    validation: list[tuple[int, float]] = field(default_factory=list)
     log: list[tuple] = field(default_factory=list)
     losses: list[float | Tensor] = field(default_factory=list)
     seconds: float = 0.0
@@ -78,8 +73,6 @@ def save_checkpoint(checkpoint: Checkpoint, state: TrainingState) -> None:
             key=checkpoint.key,
             iteration=state.iteration,
             iterations=state.iterations,
-            ending=json.dumps(state.ending),
-            validation=json.dumps(state.validation),
             steps=state.adam.steps,
             seconds=state.seconds,
             rows=json.dumps(state.log),
@@ -122,10 +115,6 @@ def load_checkpoint(
             expected = getattr(statistics, name)
             setattr(statistics, name, checked_array(arrays, name, expected.shape, expected.dtype, file=file))
         log = [tuple(row) for row in parse_json(str(arrays["rows"]), file, "rows")]
-        validation = [
-            (int(step), float(psnr)) for step, psnr in parse_json(str(arrays["validation"]), file, "validation")
-        ]
-        ending = Ending(*parse_json(str(arrays["ending"]), file, "ending"))
         losses = checked_array(arrays, "losses", (None,), np.float64, file=file).tolist()
         seconds = float(arrays["seconds"])
         if refinement is not None:
@@ -133,8 +122,6 @@ def load_checkpoint(
         if edits is not None:
             edits.restore(arrays)
         done, steps = int(arrays["iteration"]), int(arrays["iterations"])
-        return TrainingState(
-            done, steps, ending, surfels, adam, statistics, validation, log, losses, seconds, refinement, edits
-        )
+        return TrainingState(done, steps, surfels, adam, statistics, log, losses, seconds, refinement, edits)
     except (InputError, ValueError, KeyError, TypeError):
         return None

@@ -22,6 +22,7 @@ from carigs.splat.training.training_step import (
     POSITION_WEIGHT,
     SCALE_LIMIT,
     SCALE_WEIGHT,
+    SSIM_WEIGHT,
     StepInputs,
     StepResult,
 )
@@ -112,7 +113,7 @@ class NumbaStep:
         )  # fmt: skip
         valid = None if example.valid is None else torch.from_numpy(example.valid)
         loss = photometric_loss(
-            rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid,
+            rendered.image, torch.from_numpy(example.image), SSIM_WEIGHT, valid,
             None if example.emphasis is None else torch.from_numpy(example.emphasis),
         )  # fmt: skip
         rendering = rendered.rendering

@@ -26,6 +26,8 @@ from carigs.splat.training.adam import Adam
 
 REFINED = ("translation", "rotation", "joints", "expression")
 """Fields of `HeadParameters` that are refined."""
+ARM = 0.1
+"""Distance from a joint in metres at which a rotation by its learning rate moves as far as the translation by its."""
 
 
 class RefinedParameters:
@@ -146,7 +148,7 @@ class TrackingRefinement:
             timestep: Timestep of the capture.
             settings: Learning rates.
         """
-        rates = dict.fromkeys(REFINED, settings.rotation_lr)
+        rates = dict.fromkeys(REFINED, settings.translation_lr / ARM)
         rates |= {"translation": settings.translation_lr, "expression": settings.expression_lr}
         self.adam[timestep].step(self.parameters[timestep], rates)
         self._update_sequence(timestep)

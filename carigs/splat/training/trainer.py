@@ -20,7 +20,6 @@ from carigs.splat.training.checkpoint import Checkpoint, TrainingState, load_che
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
 from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
-from carigs.splat.training.plateau import Ending, ending_after, measures_after, validation_frames
 from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.subject import TrainingSubject
@@ -40,9 +39,8 @@ IMPORTANCE_VIEWS = 8
 """Training frames over which density control measures the importance of surfels."""
 REFINEMENT_FACTOR = 1.4
 """Time of a step that refines the tracking, over one that does not."""
-COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels", "validation_psnr")
-"""Columns of the log: the mean loss since the row before, the PSNR (dB, valid pixels) of the row's own step, and the
-PSNR of held-out frames, if it was measured since the row before."""
+COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
+"""Columns of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
 
 
 def train_surfels(
@@ -63,7 +61,7 @@ def train_surfels(
     `add_threshold_loss`. Gradients of pixels near the outline of the mesh count for more, see `Outlines`. Surfels on
     masked triangles are frozen in GT* steps (freezing: see `Supervision` and `Adam.step`). Steps, density control and
     their random draws depend on the settings and the iteration only: a run that was interrupted ends in the same bytes
-    as one that was not. Where held-out frames no longer improve, the run ends early: see `plateau`.
+    as one that was not.
 
     Args:
         settings: Settings of the stage.
@@ -95,17 +93,17 @@ def train_surfels(
     run = _Run(settings, subject, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
-    with progress("train", state.ending.last, state.iteration) as report:
-        while state.iteration < state.ending.last:
+    with progress("train", state.iterations, state.iteration) as report:
+        while state.iteration < state.iterations:
             run.step()
             now = time.perf_counter()
             state.seconds = earlier + now - started
-            report(state.iteration, state.ending.last, **run.shown, surfels=len(state.surfels))
+            report(state.iteration, state.iterations, **run.shown, surfels=len(state.surfels))
             if on_step is not None:
                 on_step(state)
             if checkpoint is None or now - saved <= CHECKPOINT_SECONDS:
                 continue
-            if state.iteration < state.ending.last:
+            if state.iteration < state.iterations:
                 save_checkpoint(checkpoint, state)
                 saved = time.perf_counter()
     return from_arrays(**to_arrays(state.surfels)), state.log
@@ -118,15 +116,14 @@ def _first_state(
     edits: DatasetUpdate | None = None,
 ) -> TrainingState:
     statistics = GradientStatistics(len(surfels))
-    ending = Ending(None, iterations)
-    return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement, edits=edits)
+    return TrainingState(0, iterations, surfels, Adam(surfels), statistics, refinement=refinement, edits=edits)
 
 
 def _steps_within(seconds: float, settings: Train, subject: TrainingSubject, surfels: Surfels) -> int:
     """Number of steps that fit into a time: some are tried on a copy of the surfels."""
     trial = with_iterations(settings, TRIAL_STEPS)
     trial = replace(
-        trial, density=replace(trial.density, every=0, reset_every=0), plateau=replace(trial.plateau, every=0),
+        trial, density=replace(trial.density, every=0, reset_every=0),
         refine_tracking=replace(trial.refine_tracking, until=0.0),
     )  # fmt: skip
     run = _Run(trial, subject, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
@@ -150,9 +147,6 @@ class _Run:
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
-        # Without real frames in the training, or with edited ones, those that are held out do not say how far it is.
-        unlike = self.only_targets or state.edits is not None
-        self.validation = [] if unlike else validation_frames(self.supervision.capture)
         self.shown: dict[str, float] = {}
         self.kept = self.supervision.kept
         if state.edits is not None:
@@ -164,7 +158,7 @@ class _Run:
         state, settings, i = self.state, self.settings, self.state.iteration
         self._edit(i)
         if state.edits is None:
-            fallen = state.ending.progress(i, settings.iterations)
+            fallen = i / max(settings.iterations - 1, 1)
         else:
             fallen = state.edits.progress(i, settings.iterations)
         result = self.work.update(state, i, learning_rates(settings, fallen))
@@ -173,7 +167,6 @@ class _Run:
             state.refinement.step(self.supervision.frames[index].timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1
-        self._validate()
         self._log(result, gtstar)
 
     def _edit(self, i: int) -> None:
@@ -208,20 +201,6 @@ class _Run:
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam, kept=self._kept)
 
-    def _validate(self) -> None:
-        """Measure the quality of held-out frames, where that is due; it may move the end of the training."""
-        state = self.state
-        if not self.validation or state.ending.levelled_at is not None:
-            return
-        if measures_after(self.settings, state.iteration):
-            capture, errors = self.supervision.capture, []
-            for frame in self.validation:
-                image = self.work.image(state.surfels, frame).clip(0, 1)
-                errors.append(float(np.square(image - capture.image(frame)).mean(dtype=np.float64)))
-            psnr = float(np.mean(-10 * np.log10(np.maximum(errors, 1e-12))))
-            state.validation.append((state.iteration, psnr))
-            state.ending = ending_after(self.settings, state.validation)
-
     @property
     def _kept(self) -> Bool[np.ndarray, " n"] | None:
         """Surfels that stay as they are."""
@@ -241,7 +220,7 @@ class _Run:
         state.losses.append(result.loss)
         if isinstance(result.loss, float):
             self.shown["loss"] = result.loss
-        if state.iteration % LOG_EVERY and state.iteration < state.ending.last:
+        if state.iteration % LOG_EVERY and state.iteration < state.iterations:
             return
         image, target = (values.detach().cpu().numpy() for values in (result.image, result.target))
         error = (image.clip(0, 1) - target) ** 2
@@ -249,9 +228,7 @@ class _Run:
         psnr = -10 * np.log10(max(mean, 1e-12))
         self.shown["loss"] = loss = float(np.mean([float(loss) for loss in state.losses]))
         row = (state.iteration, round(state.seconds, 2), int(gtstar), loss, float(psnr))
-        since = state.log[-1][0] if state.log else 0
-        measured = [psnr for step, psnr in state.validation if step > since]
-        state.log.append((*row, len(state.surfels), measured[-1] if measured else None))
+        state.log.append((*row, len(state.surfels)))
         state.losses.clear()
 
 

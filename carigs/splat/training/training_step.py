@@ -24,6 +24,10 @@ POSITION_LIMIT, SCALE_LIMIT = 1.0, 0.6
 (Qian et al. 2024)."""
 POSITION_WEIGHT, SCALE_WEIGHT = 0.01, 1.0
 """Weights in the loss of what is beyond these limits, those of SurFhead."""
+SSIM_WEIGHT = 0.2
+"""Weight lambda of the photometric loss, that of Gaussian splatting (Kerbl et al. 2023)."""
+REGULARIZED_FROM = 0.25
+"""Share of the steps before the regularizers of the images: those of SurFhead begin after 30,000 of 120,000 steps."""
 PREFETCHED = 4
 """Steps whose images are decoded ahead."""
 
@@ -116,7 +120,7 @@ class StepInputs:
         Returns:
             Whether distortion and normal consistency are.
         """
-        on = i >= self.settings.regularize_from
+        on = i >= REGULARIZED_FROM * self.settings.iterations
         return on and self.settings.distortion_weight > 0, on and self.settings.normal_weight > 0
 
     def decode_ahead(self, i: int) -> None:

@@ -116,7 +116,7 @@ def test_images_are_reduced_then_figures_left_out_to_keep_to_the_size():
     assert len(page_within((whole + bare) / 2, make).encode()) <= (whole + bare) / 2
     assert tried[-1][0] < 1 and tried[-1][1]
     assert len(page_within(bare, make).encode()) <= bare
-    with pytest.warns(CarigsWarning, match=r"report\.max_megabytes"):
+    with pytest.warns(CarigsWarning, match="MB without figures, more than 0.0001 MB"):
         assert "<html" in page_within(100, make)
     assert not tried[-1][1] and tried[-1][0] == min(scale for scale, _ in tried)
 

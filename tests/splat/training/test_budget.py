@@ -38,10 +38,9 @@ def test_what_is_given_in_steps_is_scaled():
     settings = Train(
         iterations=1000,
         budget="60s",
-        regularize_from=500,
         density=Density(start=100, stop=600, every=50, reset_every=0),
     )
     longer = with_iterations(settings, 4000)
-    assert (longer.iterations, longer.budget, longer.regularize_from) == (4000, None, 2000)
+    assert (longer.iterations, longer.budget) == (4000, None)
     assert longer.density == Density(start=400, stop=2400, every=200, reset_every=0)
     assert with_iterations(settings, 1000).density == settings.density

@@ -24,7 +24,7 @@ from carigs.splat.training.trainer import train_surfels
 
 SETTINGS = Train(
     iterations=40, gtstar_probability=0.0, hair_layers=0, density=Density(every=0),
-    refine_tracking=RefineTracking(until=0.5, translation_lr=2e-4, rotation_lr=2e-3),
+    refine_tracking=RefineTracking(until=0.5, translation_lr=2e-4),
 )  # fmt: skip
 
 

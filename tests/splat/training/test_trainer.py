@@ -31,6 +31,7 @@ from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
+from carigs.splat.training.training_step import SSIM_WEIGHT
 
 LEVELS = (0.1, 0.25)
 SETTINGS = Train(
@@ -127,7 +128,7 @@ def images_alone(monkeypatch):
 def test_a_training_that_starts_from_an_avatar_begins_with_its_loss(subject, start, gtstar, degree, tmp_path):
     """Real frames and targets: the loss of the first step is that of the image that the avatar renders."""
     settings = {"start": str(start), "iterations": 1, "gtstar_probability": gtstar, "sh_degree": degree}
-    _, ((_, _, caricature, loss, psnr, surfels, _),) = run(subject, tmp_path / "c", **settings)
+    _, ((_, _, caricature, loss, psnr, surfels),) = run(subject, tmp_path / "c", **settings)
     supervision, avatar = supervise(subject, 0.25), load_avatar(start)
     count = len(supervision.targets if gtstar else supervision.frames)
     schedule = draw_schedule(1, len(supervision.frames), len(supervision.targets), gtstar, SETTINGS.seed)
@@ -135,7 +136,7 @@ def test_a_training_that_starts_from_an_avatar_begins_with_its_loss(subject, sta
     image = avatar.render(example.timestep, example.level, example.camera)
     valid = None if example.valid is None else torch.from_numpy(example.valid)
     tensors = torch.from_numpy(image), torch.from_numpy(example.image)
-    expected = example.weight * photometric_loss(*tensors, SETTINGS.ssim_weight, valid)
+    expected = example.weight * photometric_loss(*tensors, SSIM_WEIGHT, valid)
     assert (caricature, surfels) == (int(gtstar), len(avatar.surfels))
     assert loss == pytest.approx(float(expected), rel=1e-4)
     error = ((image - example.image) ** 2)[slice(None) if example.valid is None else example.valid]

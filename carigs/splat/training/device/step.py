@@ -34,6 +34,7 @@ from carigs.splat.training.training_step import (
     POSITION_WEIGHT,
     SCALE_LIMIT,
     SCALE_WEIGHT,
+    SSIM_WEIGHT,
     StepInputs,
     StepResult,
 )
@@ -128,7 +129,7 @@ class DeviceStep:
             records = self._current_motion(state, example, i)
         names = ("colour", *("distortion",) * distortion, *("alpha", "depth", "normal") * normals)
         rendering = self._render(state.surfels, records, example.camera, example.shade, names)
-        loss = photometric_loss(rendering.colour, example.image, settings.ssim_weight, example.valid, example.emphasis)
+        loss = photometric_loss(rendering.colour, example.image, SSIM_WEIGHT, example.valid, example.emphasis)
         if distortion:
             loss = loss + settings.distortion_weight * rendering.distortion.mean()
         if normals:

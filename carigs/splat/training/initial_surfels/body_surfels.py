@@ -11,6 +11,9 @@ from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.solid_motion import Solid
 
+COUNT = 6000
+"""Number of points."""
+
 
 def prepare_body(found: FoundHair, sequence: HeadSequence, settings: Train) -> CarriedPoints | None:
     """Draw points of the visible body, and let the border of the neck move with it as a solid.
@@ -18,19 +21,19 @@ def prepare_body(found: FoundHair, sequence: HeadSequence, settings: Train) -> C
     Args:
         found: What the frames show beside the head.
         sequence: The subject; receives the motion of the body.
-        settings: Number of points (`body_surfels`), and their seed.
+        settings: Seed of the points.
 
     Returns:
-        The points; None if no body is seen, or if none is wanted.
+        The points; None if no body is seen.
     """
     vertices, faces = sequence.rig.vertices, sequence.rig.faces
     border = neck_border(sequence.head, vertices)
-    if found.body is None or border is None or not settings.body_surfels or not found.body.visible.any():
+    if found.body is None or border is None or not found.body.visible.any():
         return None
     volume, visible = found.body
     rng = np.random.default_rng([settings.seed, 4])
     weight = volume.opacity * np.sqrt(visible)
-    _, position, spacing = draw_points(volume.centres, volume.size, weight, settings.body_surfels, rng)
+    _, position, spacing = draw_points(volume.centres, volume.size, weight, COUNT, rng)
     sequence.add_solids(np.where(border.carriers, Solid.BODY, Solid.NONE).astype(np.uint8))
     carriers = nearest_triangles(position, np.flatnonzero(border.carriers), vertices, faces)
     away = position - border.centre * [1, 0, 1] - [0, 1, 0] * position  # from the axis of the neck

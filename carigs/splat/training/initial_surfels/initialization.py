@@ -27,6 +27,8 @@ from carigs.splat.training.supervision import Supervision
 
 COLOUR_FRAMES = 32
 """Training frames from which the initial colours are sampled."""
+FEATURE_OPACITY = 0.3
+"""Largest initial opacity of surfels on eyeballs, lids and brows."""
 SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
 """Standard deviation of surfels beside the mesh over the distance of their neighbours, and its limits in metres."""
 
@@ -70,7 +72,8 @@ def initial_surfels(
     views = [supervision.weighted_example(targets_only, i) for i in indices]
     rgb = observed_colours(binding, position, sequence, views, hair, unseen)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
-    opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
+    opacity = np.full(len(binding), settings.initial_opacity)
+    opacity[features[binding]] = min(settings.initial_opacity, FEATURE_OPACITY)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
     if unseen is not None:

@@ -15,6 +15,7 @@ from carigs.head.neck_border import neck_border
 from carigs.settings import Density, Hair, Toy, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.rig.solid_motion import Solid
+from carigs.splat.training.initial_surfels import body_surfels
 from carigs.splat.training.initial_surfels.body_surfels import prepare_body
 from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.subject import prepare_subject
@@ -23,9 +24,14 @@ from evaluation.benchmarks.measurement.toy_frames import write_subject
 
 TOY = Toy(width=72, height=96, cameras=4, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=50)
 SETTINGS = Train(
-    iterations=6, gtstar_probability=0.0, body_surfels=300, mouth_surfels=0, density=Density(every=0),
+    iterations=6, gtstar_probability=0.0, mouth_surfels=0, density=Density(every=0),
     relight_surfels=False,
 )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def fewer_surfels(monkeypatch):
+    monkeypatch.setattr(body_surfels, "COUNT", 300)
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +66,9 @@ def test_points_lie_in_the_body_and_hang_on_the_border(subject):
 
 def test_there_are_none_without_a_body(subject):
     capture, path, found = subject
-    for without, settings in (
-        (replace(found, body=None), SETTINGS),
-        (found, replace(SETTINGS, body_surfels=0)),
-        (replace(found, body=found.body._replace(visible=0 * found.body.visible)), SETTINGS),
-    ):
+    for body in (None, found.body._replace(visible=0 * found.body.visible)):
         sequence = head_sequence(capture, path)
-        assert prepare_body(without, sequence, settings) is None and sequence.solids is None
+        assert prepare_body(replace(found, body=body), sequence, SETTINGS) is None and sequence.solids is None
 
 
 def test_the_body_is_rigid_at_every_timestep_and_level(subject):
