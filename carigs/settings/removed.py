@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 _THREADS = "threads are no setting; carigs run -- --set-threads {}=N, or `set-threads` of a profile"
 _CONSTANT = "no setting any more; it is fixed at {}"
+_PLATEAU = "trainings do all their steps; set train.iterations, or the CPU time by train.budget"
 _REGIONS = "no setting any more; the head model names these regions {}"
 _EYEBALLS, _LIDS = "left_eyeball and right_eyeball", "left_eyelid and right_eyelid"
 _EARS, _MOUTH = "left_ear and right_ear", "lip_inside"
@@ -68,7 +69,7 @@ REMOVED: Mapping[str, str] = {
     "train.blend_lr": _CONSTANT.format("0.001"),
     "train.density.split_scale": _CONSTANT.format("0.01"),
     "train.density.importance_views": _CONSTANT.format("8"),
-    "train.plateau": "trainings do all their steps; set train.iterations, or the CPU time by train.budget",
+    **{f"train.plateau.{name}": _PLATEAU for name in ("every", "frames", "cooldown", "min_gain")},
     "train.refine_tracking.enabled": "no setting any more; set train.refine_tracking.until, such as to 0.5",
     "render.orbit_timestep": "no setting any more; the orbit shows the first test timestep",
     "render.orbit_degrees": _CONSTANT.format("60"),
