@@ -66,7 +66,7 @@ def section(title: str) -> str:
 
 def test_a_variant(checkout):
     (example,) = re.findall(r"```yaml\n(.*?)```", section("How to add a variant"), re.DOTALL)
-    (checkout.root / "conf/variant/more_ssim.yaml").write_text(example, "utf-8")
+    (checkout.root / "conf/variant/more_outlines.yaml").write_text(example, "utf-8")
     checkout.write_reference()
     checkout.check(*OF_VARIANTS)
 
