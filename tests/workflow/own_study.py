@@ -7,7 +7,7 @@ from pathlib import Path
 OWN = {
     "study/small": """# @package _global_
 study: {name: small, subjects: [anna], variants: [alternating, surfhead], levels: [0, 0.25]}
-train: {iterations: 600, gtstar_probability: 0.35, density: {stop: 2000}}
+train: {iterations: 600, density: {stop: 2000}}
 render: {orbit_frames: 2}
 """,
     "subject/anna": """# @package _global_

@@ -27,8 +27,8 @@ def wrong_yaml(sound: bytes) -> Iterator[Case]:
         sound.replace(b"seed: 0", b"seed: " + b"9" * 5000), sound.replace(b"seed: 0", b"seed: 1e400"),
         sound.replace(b"seed: 0", b"seed: .nan"), sound.replace(b"seed: 0", b"seed: [0]"), sound[: len(sound) // 2],
         sound.replace(b"seed: 0", b"seed: ${seed}"), sound.replace(b"seed: 0", b"seed: ${oc.env:HOME}"),
-        sound.replace(b"initial_scale: 0.5", b"initial_scale: .inf"), sound.replace(b"initial_scale: 0.5",
-        b"initial_scale: 1:30"),
+        sound.replace(b"initial_opacity: 0.6", b"initial_opacity: .inf"), sound.replace(b"initial_opacity: 0.6",
+        b"initial_opacity: 1:30"),
         b"# x\n" * 10**6, b"a: &a [*a]",
     )  # fmt: skip
     for i, text in enumerate(texts):
