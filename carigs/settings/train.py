@@ -100,9 +100,9 @@ class Train(Section, key="train"):
     """Initial opacity of the surfels on triangles; at most 0.3 on eyeballs and lids, which hide each other, and on
     brows, whose details are finer than the triangles."""
     cover_unseen: str = option("skin", choices=("none", "skin", "all"))
-    """What no training frame shows of the skin, such as the back of a head in front of one camera, and opaque discs in
-    the colours around cover, which are not trained: `none`, the `skin` that carries no hair, or `all`, the scalp too.
-    What is not covered ends as noise."""
+    """Which skin gets opaque discs in the colours around it, if no training frame shows it; the training leaves these
+    discs as they are. `skin`: skin without hair, such as the nape. `all`: the scalp too, for one camera in front of the
+    head. `none`: no discs. Unseen skin without them ends as noise."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of `regions.hair`."""
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)

@@ -8,9 +8,6 @@ from carigs.library import load
 from carigs.settings import Html
 from carigs.viewer.html.page import write_html
 
-TIMESTEPS = 30
-"""Most timesteps of the clip, which are the first of the capture."""
-
 
 def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
     """Write the page of an avatar.
@@ -24,5 +21,4 @@ def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
     Raises:
         InputError: The avatar is malformed.
     """
-    head = load(avatar)
-    write_html(head, page, timesteps=head.timesteps[:TIMESTEPS], title=title)
+    write_html(load(avatar), page, title=title)

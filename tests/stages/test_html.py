@@ -12,7 +12,8 @@ from carigs.cli import export
 from carigs.errors import SettingsError
 from carigs.settings import Html
 from carigs.splat.avatar import save_avatar
-from carigs.stages import html as stage
+from carigs.stages.html import html
+from carigs.viewer.html import page as html_page
 
 
 def header(page) -> dict:
@@ -28,8 +29,8 @@ def avatar(tmp_path_factory):
 
 def test_the_clip_has_the_first_timesteps(avatar, tmp_path, monkeypatch):
     for most in (2, 99):
-        monkeypatch.setattr(stage, "TIMESTEPS", most)
-        stage.html(Html(), avatar=avatar, title="ball", page=tmp_path / "page.html")
+        monkeypatch.setattr(html_page, "CLIP_LENGTH", most)
+        html(Html(), avatar=avatar, title="ball", page=tmp_path / "page.html")
         made = header(tmp_path / "page.html")
         assert made["timesteps"] == list(range(min(most, TIMESTEPS)))
         assert made["fps"] == 24

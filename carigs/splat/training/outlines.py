@@ -1,8 +1,7 @@
 """Pixels near the outline of the mesh, whose gradients count for more.
 
-An outline is a few pixels of an image, and decides how a head looks. Where it is wrong, a surfel behind it has no
-say: only the pixels beside it tell where the head ends. In the frames of a capture they are few; those of GT* frames
-are the only ones that tell where the outline of a caricature is, and GT* frames come seldom.
+Few pixels of an image show the outline of the head, and they decide how its shape looks. GT* frames alone show the
+outline of a caricature, and the training takes them seldom. So the trainer multiplies the gradients of these pixels.
 """
 
 from __future__ import annotations
@@ -22,7 +21,8 @@ NEAR = 0.004
 class Outlines:
     """Factors on the gradient of each pixel, for the meshes of a head.
 
-    Each view is looked at once, before the tracking is refined, which moves outlines by less than `NEAR`.
+    The outline of each view is found once, when the training first takes it. Refinement of the tracking, which moves
+    the mesh later, does not change it.
 
     Args:
         sequence: Posed meshes per timestep and level.
@@ -33,19 +33,19 @@ class Outlines:
         self._sequence, self._weight = sequence, weight
         self._near: dict[tuple[int, int, float], np.ndarray] = {}
 
-    def emphasis(self, timestep: int, name: int, camera: Camera, level: float) -> Float32[np.ndarray, "h w"]:
+    def emphasis(self, timestep: int, number: int, camera: Camera, level: float) -> Float32[np.ndarray, "h w"]:
         """Find the factors of a view.
 
         Args:
             timestep: Timestep of the capture.
-            name: Number of the camera.
+            number: Number of the camera.
             camera: The camera.
             level: Exaggeration of the mesh: 0 for a real frame.
 
         Returns:
             Factor on the gradient of each pixel; 1 away from the outline.
         """
-        key = timestep, name, level
+        key = timestep, number, level
         if key not in self._near:
             seen = compute_visibility(self._sequence.posed(timestep, level), self._sequence.rig.faces, camera)
             self._near[key] = np.packbits(near_outline(seen))  # a bit for each pixel: captures have thousands of views
