@@ -106,8 +106,8 @@ def find_unseen_skin(
 ) -> UnseenSkin | None:
     """Find the outer skin that no training frame shows.
 
-    Eyes, brows, lips and the inside of the mouth do not count: they are always seen in part, and have details that
-    their surroundings do not tell.
+    Eyes, brows, lips, teeth and the inside of the mouth do not count: they are always seen in part, and have details
+    that their surroundings do not tell.
 
     Args:
         capture: The capture.
@@ -121,7 +121,7 @@ def find_unseen_skin(
     """
     head, vertices, faces = sequence.head, sequence.rig.vertices, sequence.rig.faces
     sight = look_at_triangles(capture, sequence)
-    kept = head.face_region(*MOUTH, *EYEBALLS, "lips") | eye_and_brow_faces(head, vertices)
+    kept = head.face_region(*MOUTH, *EYEBALLS, "lips", "teeth", "tongue") | eye_and_brow_faces(head, vertices)
     hairy = head.face_region(*regions.hair)
     unseen = (sight.cosine <= UNSEEN) & ~kept
     if not scalp:

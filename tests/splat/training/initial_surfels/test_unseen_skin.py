@@ -79,6 +79,16 @@ def test_cameras_in_front_see_the_front(from_front):
     assert skin.kept[depth < -0.09].all() and not skin.kept[beside].any()
 
 
+def test_teeth_are_not_skin(from_front, monkeypatch):
+    """A closed mouth hides them, and the skin around does not tell their colours."""
+    capture, path = from_front
+    sequence = prepare_subject(capture, path, SETTINGS).sequence
+    back = np.flatnonzero(sequence.rig.vertices[:, 2] < -0.08)
+    monkeypatch.setitem(sequence.head.regions, "teeth", back)
+    skin, teeth = find_unseen_skin(capture, sequence, Regions()), sequence.head.face_region("teeth")
+    assert teeth.any() and not skin.faces[teeth].any() and skin.faces[~teeth].any()
+
+
 def test_nothing_changes_where_frames_show_all(tmp_path):
     width, height = ball_cameras()[0].width, ball_cameras()[0].height
     places = [(0, 0, 1), (0, 0, -1), (1, 0, 0.1), (-1, 0, 0.1), (0, 1, 0.1), (0, -1, 0.1), (0, 0.1, 1)]
