@@ -178,12 +178,22 @@ class Viewer {
       sound.currentTime = this.shownFrame / fps;
       await sound.play().catch(() => {});  // browsers may refuse sound that nobody has clicked for
     }
-    const start = performance.now() - (1000 * this.shownFrame) / fps, { clip } = this.state;
+    let start = performance.now() - (1000 * this.shownFrame) / fps;
+    const { clip } = this.state;
     const step = async () => {
       if (!this.playing || this.state.clip !== clip) return sound && sound.pause();
-      const heard = sound && !sound.paused && !sound.ended, seconds = heard ? sound.currentTime : (performance.now() - start) / 1000;
+      // Sound leads while it is heard. The clock follows it, and goes on alone where the sound ends before the frames do.
+      if (sound && !sound.paused && !sound.ended) start = performance.now() - 1000 * sound.currentTime;
+      let seconds = (performance.now() - start) / 1000;
+      if (seconds * fps >= count) {
+        seconds %= count / fps;
+        start = performance.now() - 1000 * seconds;
+        if (sound) {
+          sound.currentTime = seconds;
+          if (sound.paused || sound.ended) await sound.play().catch(() => {});
+        }
+      }
       const frame = Math.floor(seconds * fps) % count;
-      if (heard && seconds * fps >= count) sound.currentTime = 0;
       if (frame !== this.shownFrame) await this.showFrame(frame);
       requestAnimationFrame(step);
     };
