@@ -54,10 +54,17 @@ def ball():
     return rig, face_motion(rig, vertices * [1.2, 0.9, 1.1] + [0.01, 0.0, 0.4])
 
 
-def rendered():
-    """Every image, a loss, and its gradients: the kernels of a training step."""
+def rendered(moved_by=None):
+    """Every image, a loss, and its gradients: the kernels of a training step.
+
+    Given random numbers, every attribute moves up or down to the next number that float32 has.
+    """
     rig, motion = ball()
     surfels = some_surfels(150, len(rig.faces))
+    if moved_by is not None:
+        for _, value in surfels.attributes():
+            up = torch.from_numpy(moved_by.random(tuple(value.shape)) < 0.5)
+            value.data = torch.nextafter(value.data, torch.where(up, torch.inf, -torch.inf))
     drawing = render(surfels, rig, motion, CAMERA, outputs=OUTPUTS)
     target = torch.full_like(drawing.image, 0.4)
     geometry = [getattr(drawing.rendering, name) for name in ("depth", "normal", "distortion")]

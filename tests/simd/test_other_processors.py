@@ -26,13 +26,27 @@ def test_code_for_other_processors_has_no_wide_registers(other):
     assert set(results["registers"]) == ({"xmm", "ymm"} if processor == "haswell" else {"xmm"})
 
 
+@pytest.fixture(scope="module")
+def rounding():
+    """How far each result moves, relative to its norm, when every attribute moves by one unit in its last place."""
+    results = small_scene.rendered()
+    moved = [small_scene.rendered(moved_by=np.random.default_rng(seed)) for seed in range(4)]
+    return {name: max(_distance(other[name], value) for other in moved) for name, value in results.items()}
+
+
+def _distance(a, b):
+    return np.linalg.norm(a - b) / np.linalg.norm(b)
+
+
 @pytest.mark.slow
-def test_results_on_other_processors_are_the_same(other):
+def test_results_on_other_processors_are_the_same(other, rounding):
+    """To a few roundings: other processors add in another order."""
     _, _, results = other
+    assert max(rounding.values()) < 2e-5
     for name, expected in small_scene.rendered().items():
         assert np.isfinite(results[name]).all(), name
-        error = np.linalg.norm(results[name] - expected) / np.linalg.norm(expected)
-        assert error < 1e-5, (name, error)
+        error = _distance(results[name], expected)
+        assert error < 4 * rounding[name] + 1e-6, (name, error)
 
 
 @pytest.mark.slow
