@@ -31,7 +31,7 @@ class Density(Section, key="train.density"):
     prune_opacity: float = option(0.005, ge=0, le=1)
     """Opacity below which a surfel is removed."""
     max_surfels: int = option(60000, ge=1, le=10_000_000)
-    """Budget of surfels."""
+    """Budget of surfels, without copies of hair where no frame shows any, which do not learn."""
     replace_fraction: float = option(0.2, ge=0, le=1)
     """Fraction of the least important surfels that one refinement may replace once the budget is spent."""
     reset_every: int = option(0, ge=0, le=MAX_COUNT)
@@ -99,10 +99,11 @@ class Train(Section, key="train"):
     initial_opacity: float = option(0.6, gt=0, lt=1)
     """Initial opacity of the surfels on triangles; at most 0.3 on eyeballs and lids, which hide each other, and on
     brows, whose details are finer than the triangles."""
-    cover_unseen: str = option("skin", choices=("none", "skin", "all"))
-    """Which skin gets opaque discs in the colours around it, if no training frame shows it; the training leaves these
-    discs as they are. `skin`: skin without hair, such as the nape. `all`: the scalp too, for one camera in front of the
-    head. `none`: no discs. Unseen skin without them ends as noise."""
+    cover_unseen: str = option("auto", choices=("auto", "none", "skin", "all"))
+    """Which skin gets opaque discs in the colours around it, if no training frame shows it, and on the scalp copies of
+    the hair around it; the training leaves both as they are. `skin`: skin without hair, such as the nape. `all`: the
+    scalp, too. `auto`: the scalp, too, before fewer than six cameras. `none`: nothing. Unseen skin without discs ends
+    as noise."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of `regions.hair`."""
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
 
 from carigs.capture import Capture
+from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.capture.target_index import SHADING, TargetSet
 from carigs.exaggeration import GammaPath
 from carigs.hair import FoundHair, hair_shadow
@@ -18,6 +20,7 @@ from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.rig.solid_motion import Solid
 from carigs.splat.training.initial_surfels.body_surfels import prepare_body
+from carigs.splat.training.initial_surfels.grafted_hair import graft_hair
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
@@ -74,7 +77,7 @@ def prepare_subject(
         sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
     unseen = None
     if settings.cover_unseen != "none" and settings.start is None:
-        unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=settings.cover_unseen == "all")
+        unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=_covers_scalp(settings, capture))
     kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
     outlines = Outlines(sequence, settings.outline_weight) if settings.outline_weight != 1 else None
@@ -90,5 +93,16 @@ def prepare_subject(
     body = None if hair is None else prepare_body(hair, sequence, settings)
     if body is not None and hair_surfels is not None:
         hair_surfels = hair_surfels.without(sequence.solids.solids == Solid.BODY)
+    if hair_surfels is not None and unseen is not None:
+        rng = np.random.default_rng([settings.seed, 5])
+        grafts = graft_hair(hair_surfels.points, hair_surfels.reach, unseen, capture, sequence, rng)
+        hair_surfels = replace(hair_surfels, grafts=grafts)
     same = same_from_all_sides(capture, sequence, scalp, far_apart) if settings.sh_degree else None
     return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, unseen, same)
+
+
+def _covers_scalp(settings: Train, capture: Capture) -> bool:
+    """Whether unseen skin is covered on the scalp, too: the hair that many cameras see covers it."""
+    if settings.cover_unseen == "auto":
+        return len({frame.camera for frame in capture.split("train")}) < ENOUGH_CAMERAS
+    return settings.cover_unseen == "all"

@@ -149,6 +149,9 @@ class _Run:
         self.work.place(state)
         self.shown: dict[str, float] = {}
         self.kept = self.supervision.kept
+        # The budget is for surfels that learn.
+        copies = 0 if subject.hair is None else subject.hair.copies
+        self._density = replace(settings.density, max_surfels=settings.density.max_surfels + copies)
         if state.edits is not None:
             self.supervision.replaced = state.edits.images
             self.kept_by_edits = state.edits.frozen(self.kept)
@@ -182,7 +185,7 @@ class _Run:
             self.work.forget_images()
 
     def _control_density(self, done: int) -> None:
-        state, density = self.state, self.settings.density
+        state, density = self.state, self._density
         edits = state.edits
         # Surfels that are frozen with the first edit need the steps of a refinement to settle.
         first = None if edits is None or edits.faces is None else edits.begin(self.settings.iterations)

@@ -69,7 +69,7 @@ class StepInputs:
         Surfels of hair, mouth and body start away from their triangles.
         """
         hair = self.subject.hair
-        points = self.subject.inside if hair is None else [hair.points, *self.subject.inside]
+        points = self.subject.inside if hair is None else [*hair.all_points, *self.subject.inside]
         return POSITION_LIMIT + start_distances(self.subject.sequence.rig, points)
 
     @cached_property

@@ -15,6 +15,7 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.smooth_motion import SmoothMotion, share_of_average
 from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.training.initial_surfels.grafted_hair import GraftedHair
 
 COVERED_POSITION, COVERED_SCALE = 1.0, 0.8
 """Largest distance from its triangle, and largest standard deviation, of a surfel on covered skin, in units of k."""
@@ -44,6 +45,18 @@ class HairSurfels:
     """Space without hair."""
     reach: Float[np.ndarray, " f"]
     """How far hair reaches from each triangle of the scalp, in metres; 0 off the scalp."""
+    grafts: GraftedHair | None = None
+    """Copies of it where no frame shows hair; None if there are none."""
+
+    @property
+    def copies(self) -> int:
+        """Number of copied points."""
+        return 0 if self.grafts is None else len(self.grafts.source)
+
+    @property
+    def all_points(self) -> list[CarriedPoints]:
+        """Where surfels of seen and of copied hair start."""
+        return [self.points] if self.grafts is None else [self.points, self.grafts.points]
 
     def without(self, body: Bool[np.ndarray, " f"]) -> HairSurfels:
         """The same hair, which says nothing of some triangles.

@@ -63,7 +63,7 @@ def initial_surfels(
     """
     if settings.start is not None:
         return surfels_of_avatar(Path(settings.start), sequence, settings.sh_degree)
-    points = [*beside] if hair is None else [hair.points, *beside]
+    points = [*beside] if hair is None else [*hair.all_points, *beside]
     placed = place(settings, sequence.rig, points)
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
@@ -71,6 +71,12 @@ def initial_surfels(
     indices = evenly_spread(range(count), COLOUR_FRAMES)
     views = [supervision.weighted_example(targets_only, i) for i in indices]
     rgb = observed_colours(binding, position, sequence, views, hair, unseen)
+    on_mesh = len(binding) - sum(len(each.face) for each in points)
+    grafts = None if hair is None else hair.grafts
+    if grafts is not None:
+        first = on_mesh + len(hair.points.face)
+        mine = slice(first, first + len(grafts.source))
+        rgb[mine] = grafts.colours(rgb[mine], rgb[on_mesh:first], hair.points.face)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.full(len(binding), settings.initial_opacity)
     opacity[features[binding]] = min(settings.initial_opacity, FEATURE_OPACITY)
@@ -79,14 +85,14 @@ def initial_surfels(
     if unseen is not None:
         covering = unseen.faces[binding]
         opacity[covering] = unseen.opacity[binding[covering]]
-        kept = np.flatnonzero(unseen.kept[binding])
+        kept = np.flatnonzero(unseen.kept[binding[:on_mesh]])
         scale = np.where(unseen.scalp, LIFTED_SCALE, KEPT_SCALE) / np.sqrt(settings.surfels_per_face)
         placed.scale[kept] = scale[binding[kept], None]
-        if hair is not None:
-            height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
+        if grafts is not None:
+            height = grafts.height / np.maximum(sequence.rig.scale, 1e-9)
             position[kept, 2] += height[binding[kept]]
     inside = [np.full(len(each.face), each.opacity) for each in points]
-    opacity[len(opacity) - sum(map(len, inside)) :] = np.concatenate([np.zeros(0), *inside])
+    opacity[on_mesh:] = np.concatenate([np.zeros(0), *inside])
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 
