@@ -68,7 +68,7 @@ def test_true_images_are_what_the_true_dataset_shows(written):
 
 def test_settings_are_those_of_the_study(tmp_path):
     train = study_settings("train", tmp_path)
-    assert (train.iterations, train.density.stop, train.sh_degree, train.cover_unseen) == (1500, 750, 2, "auto")
+    assert (train.iterations, train.density.stop, train.sh_degree, train.cover_unseen) == (1500, 750, 2, "all")
     assert train.gtstar_probability > 0
 
 
