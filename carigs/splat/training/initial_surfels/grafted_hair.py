@@ -22,7 +22,7 @@ from carigs.mesh.triangle_mesh import barycenters, face_areas
 from carigs.raster import rasterize_mesh
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
-from carigs.splat.training.initial_surfels.unseen_skin import FRAMES, INSIDE_MATTE, UnseenSkin
+from carigs.splat.training.initial_surfels.unseen_skin import FRAMES, LEFT_OUT, UnseenSkin
 
 OPACITY = 0.7
 """Of copied surfels, which stand before discs of the same colour."""
@@ -92,7 +92,7 @@ def graft_hair(
     """
     rig = sequence.rig
     sources = np.flatnonzero((unseen.well_seen & unseen.scalp)[seen.face])
-    bare = np.flatnonzero(unseen.kept & unseen.scalp & (unseen.opacity > INSIDE_MATTE))
+    bare = np.flatnonzero(unseen.kept & unseen.scalp & (unseen.opacity > LEFT_OUT))
     if not len(sources) or not len(bare):
         return None
     area = face_areas(rig.vertices, rig.faces)
