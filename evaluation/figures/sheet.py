@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import cv2
@@ -19,6 +20,8 @@ MIN_DPI = 150
 MARGIN, LABEL, TITLE = 0.05, 0.2, 0.3  # inches
 LEGEND_ENTRY, LEGEND_LINE = 1.1, 0.16
 """Width of the widest entry and height of a line of the legend in inches."""
+CHARACTER = 0.55
+"""Mean width of a character over the size of its font."""
 
 
 def write_sheet(
@@ -42,7 +45,7 @@ def write_sheet(
         columns: Labels of the columns.
         title: Title above the sheet.
         height: Height of each image in pixels.
-        footnote: Text below the images.
+        footnote: Text below the images, in as many lines as it takes.
         legend: Colours and their meaning, below the images.
         captions: Text in the lower left corner of each image.
     """
@@ -55,7 +58,8 @@ def write_sheet(
     cell_height = height / dpi
     width = LABEL + len(columns) * cell_width + 2 * MARGIN
     entries = max(int(width / LEGEND_ENTRY), 1)  # in a line of the legend
-    lines = -(-len(legend or ()) // entries)
+    note = wrap(footnote, max(int(72 * (width - 2 * MARGIN) / (CHARACTER * SMALL)), 1))
+    lines = max(-(-len(legend or ()) // entries), len(note))
     below = LABEL + LEGEND_LINE * max(lines - 1, 0) if footnote or legend else 0.0
     total = TITLE + LABEL + len(rows) * cell_height + MARGIN + below
     with png_figure(file, (width, total), dpi=dpi, facecolor="white") as figure:
@@ -68,7 +72,7 @@ def write_sheet(
 
         text(0.5 * width, total - 0.5 * TITLE, title, LARGE)
         if footnote:
-            text(0.5 * width, 0.5 * below, footnote, SMALL)
+            text(0.5 * width, 0.5 * below, "\n".join(note), SMALL)
         if legend:
             patches = [Patch(color=colour, label=name) for name, colour in legend.items()]
             figure.legend(
