@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from carigs.raster import rasterize_mesh
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -26,7 +26,8 @@ def observed_colours(
     """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
     Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
-    surfels on hidden triangles, whose pixels show what covers them. On unseen skin, colours continue smoothly.
+    surfels on hidden triangles, whose pixels show what covers them. On unseen skin, colours continue smoothly; on the
+    unseen scalp they soon become the median of what hangs over the seen one.
 
     Args:
         binding: Triangle of each surfel.
@@ -66,7 +67,14 @@ def observed_colours(
         weight = np.where(hair.hidden[binding], 0, weight)
     if unseen is not None:
         known = face_weight > 0 if hair is None else (face_weight > 0) & ~hair.hidden
-        face[unseen.faces] = unseen.continued(face, known)[unseen.faces]
+        above = (unseen.well_seen & unseen.scalp)[binding] & (position[:, 2] > 0) & (weight > 0)
+        skin = known & unseen.well_seen & ~unseen.scalp
+        of_hair = None
+        if hair is not None and above.any() and skin.any():
+            of_hair = np.median(total[above] / weight[above, None], axis=0)
+            # The scalp of a head model has a hairline of its own: skin below it does not continue as hair.
+            known &= ~unseen.scalp | _is_nearer(face, of_hair, np.median(face[skin], axis=0))
+        face[unseen.faces] = unseen.continued(face, known, of_hair)[unseen.faces]
         weight = np.where(unseen.faces[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 
@@ -90,3 +98,10 @@ def _fill(
     else:
         colour[:] = 0.5
     return colour
+
+
+def _is_nearer(
+    colour: Float[np.ndarray, "f 3"], one: Float[np.ndarray, " 3"], other: Float[np.ndarray, " 3"]
+) -> Bool[np.ndarray, " f"]:
+    """Whether colours are nearer to one colour than to another."""
+    return np.linalg.norm(colour - one, axis=1) < np.linalg.norm(colour - other, axis=1)

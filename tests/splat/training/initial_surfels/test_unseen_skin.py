@@ -13,7 +13,8 @@ from carigs.hair import FoundHair
 from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
 from carigs.head import neutral
-from carigs.mesh.triangle_mesh import boundary_vertices
+from carigs.mesh.triangle_mesh import barycenters, boundary_vertices
+from carigs.raster import rasterize_mesh
 from carigs.settings import Density, Train
 from carigs.settings.regions import Regions
 from carigs.splat.colour.spherical_harmonics import SH_BASE
@@ -21,6 +22,7 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import subject
 from carigs.splat.training.initial_surfels.initialization import initial_surfels
+from carigs.splat.training.initial_surfels.observed_colours import observed_colours
 from carigs.splat.training.initial_surfels.unseen_skin import (
     COVERING,
     KEPT_SCALE,
@@ -32,7 +34,7 @@ from carigs.splat.training.initial_surfels.unseen_skin import (
     look_at_triangles,
 )
 from carigs.splat.training.subject import prepare_subject
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.supervision import Example, Supervision
 from carigs.splat.training.trainer import train_surfels
 
 SETTINGS = Train(
@@ -184,6 +186,31 @@ def test_hair_continues_as_hair_and_skin_as_skin(from_front):
     np.testing.assert_allclose(unseen.continued(garbled, np.ones(len(scalp), bool)), colours, atol=1e-6)
     only_skin = unseen.continued(garbled, ~scalp)  # no frame shows hair: it takes the colours of the skin around
     np.testing.assert_allclose(only_skin[unseen.faces], np.tile(SKIN, (unseen.faces.sum(), 1)), atol=1e-6)
+
+
+def test_skin_below_the_hairline_does_not_colour_the_back_of_the_head(from_front):
+    """Frames that show bare skin on the lowest quarter of the seen scalp, down to where no frame looks."""
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
+    sequence, unseen, rig = subject.sequence, subject.unseen, subject.sequence.rig
+    centres, scalp = barycenters(rig.vertices, rig.faces), unseen.scalp
+    hairline = np.percentile(centres[scalp & unseen.well_seen, 1], 25)
+    shown = np.vstack([np.where((scalp & (centres[:, 1] > hairline))[:, None], HAIR, SKIN), [1, 1, 1]])
+    views = []
+    for frame in capture.split("train"):
+        camera = capture.camera(frame)
+        face = rasterize_mesh(sequence.posed(frame.timestep, 0.0), rig.faces, camera).face
+        image = shown[face].astype(np.float32)
+        views.append((Example(frame.timestep, camera, 0.0, image, None), np.ones(face.shape)))
+    binding = np.tile(np.arange(len(rig.faces)), 2)
+    position = np.zeros((len(binding), 3))
+    position[len(rig.faces) :, 2] = 0.01  # of hair, just above the scalp
+    rgb = observed_colours(binding, position, sequence, views, subject.hair, unseen)[: len(rig.faces)]
+    back = unseen.faces & scalp
+    away = abs(rgb[back] - HAIR).max(axis=1)
+    assert back.sum() > 20 and np.median(away) < 0.02 and away.max() < 0.5 * abs(SKIN - HAIR).max()
+    without = observed_colours(binding, position, sequence, views, None, unseen)[: len(rig.faces)]
+    assert np.median(abs(without[back] - HAIR).max(axis=1)) > 0.1
 
 
 def test_skin_beyond_the_matte_is_left_out(from_front, monkeypatch):
