@@ -101,9 +101,9 @@ class Train(Section, key="train"):
     brows, whose details are finer than the triangles."""
     cover_unseen: str = option("auto", choices=("auto", "none", "skin", "all"))
     """Which skin gets opaque discs in the colours around it, if no training frame shows it, and on the scalp copies of
-    the hair around it; the training leaves both as they are. `skin`: skin without hair, such as the nape. `all`: the
-    scalp, too. `auto`: the scalp, too, before fewer than six cameras. `none`: nothing. Unseen skin without discs ends
-    as noise."""
+    the hair around it; the training leaves both as they are. `skin`: skin without hair, such as the nape. `all`: scalp
+    and body, too. `auto`: scalp and body, too, before fewer than six cameras. `none`: nothing. Unseen skin without
+    discs ends as noise."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of `regions.hair`."""
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)

@@ -14,11 +14,13 @@ from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.capture.target_index import SHADING, TargetSet
 from carigs.exaggeration import GammaPath
 from carigs.hair import FoundHair, hair_shadow
+from carigs.head.neck_border import neck_border
 from carigs.light.shading import load_shading
 from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.rig.solid_motion import Solid
+from carigs.splat.training.initial_surfels.body_cover import COVER_CARRIERS, BodyCover, cover_body
 from carigs.splat.training.initial_surfels.body_surfels import prepare_body
 from carigs.splat.training.initial_surfels.grafted_hair import graft_hair
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
@@ -41,6 +43,8 @@ class TrainingSubject(NamedTuple):
     """Where surfels inside the mouth start; None if there are none."""
     body: CarriedPoints | None = None
     """Where surfels of the body start; None if there are none."""
+    body_cover: BodyCover | None = None
+    """Discs on the body where no frame shows it; None if there are none."""
     unseen: UnseenSkin | None = None
     """Skin that no training frame shows; None if it is treated like the other."""
 
@@ -49,8 +53,15 @@ class TrainingSubject(NamedTuple):
 
     @property
     def inside(self) -> list[CarriedPoints]:
-        """Where surfels of mouth and body start."""
-        return [points for points in (self.mouth, self.body) if points is not None]
+        """Where surfels of mouth and body start, and those that cover the body, which come last."""
+        cover = None if self.body_cover is None else self.body_cover.points
+        return [points for points in (self.mouth, self.body, cover) if points is not None]
+
+    @property
+    def copies(self) -> int:
+        """Number of points that are not trained, in front of what no frame shows."""
+        cover = 0 if self.body_cover is None else len(self.body_cover.points.face)
+        return cover + (0 if self.hair is None else self.hair.copies)
 
 
 def prepare_subject(
@@ -75,9 +86,15 @@ def prepare_subject(
     sequence = head_sequence(capture, path)
     if targets and settings.relight_surfels:
         sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
+    has_body, closed = hair is not None and hair.body is not None, _is_closed(settings, capture)
     unseen = None
     if settings.cover_unseen != "none" and settings.start is None:
-        unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=_covers_scalp(settings, capture))
+        unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=closed, has_body=closed and has_body)
+    body_carriers = None
+    if has_body and closed and unseen is not None:
+        border = neck_border(capture.model, sequence.rig.vertices)
+        if border is not None:
+            unseen, body_carriers = unseen.with_kept(border.carriers, COVER_CARRIERS)
     kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
     outlines = Outlines(sequence, settings.outline_weight) if settings.outline_weight != 1 else None
@@ -90,7 +107,9 @@ def prepare_subject(
     far_apart = are_far_apart(capture, sequence)
     hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings, kept, far_apart)
     mouth = prepare_mouth(capture, sequence, settings)
-    body = None if hair is None else prepare_body(hair, sequence, settings)
+    body, body_cover = None if hair is None else prepare_body(hair, sequence, settings, body_carriers), None
+    if body is not None and body_carriers is not None:
+        body_cover = cover_body(hair.body, body, body_carriers, capture, sequence)
     if body is not None and hair_surfels is not None:
         hair_surfels = hair_surfels.without(sequence.solids.solids == Solid.BODY)
     if hair_surfels is not None and unseen is not None:
@@ -98,11 +117,11 @@ def prepare_subject(
         grafts = graft_hair(hair_surfels.points, hair_surfels.reach, unseen, capture, sequence, rng)
         hair_surfels = replace(hair_surfels, grafts=grafts)
     same = same_from_all_sides(capture, sequence, scalp, far_apart) if settings.sh_degree else None
-    return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, unseen, same)
+    return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, body_cover, unseen, same)
 
 
-def _covers_scalp(settings: Train, capture: Capture) -> bool:
-    """Whether unseen skin is covered on the scalp, too: the hair that many cameras see covers it."""
+def _is_closed(settings: Train, capture: Capture) -> bool:
+    """Whether scalp and body are covered, too, where no frame shows them: the hair that many cameras see covers it."""
     if settings.cover_unseen == "auto":
         return len({frame.camera for frame in capture.split("train")}) < ENOUGH_CAMERAS
     return settings.cover_unseen == "all"

@@ -83,7 +83,13 @@ def train_surfels(
         state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement, edits)
     if state is None:
         surfels = initial_surfels(
-            settings, subject.supervision, subject.sequence, subject.hair, subject.inside, subject.unseen
+            settings,
+            subject.supervision,
+            subject.sequence,
+            subject.hair,
+            subject.inside,
+            subject.unseen,
+            subject.body_cover,
         )
         if (budget := budget_seconds(settings.budget)) is not None:
             settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))
@@ -150,8 +156,7 @@ class _Run:
         self.shown: dict[str, float] = {}
         self.kept = self.supervision.kept
         # The budget is for surfels that learn.
-        copies = 0 if subject.hair is None else subject.hair.copies
-        self._density = replace(settings.density, max_surfels=settings.density.max_surfels + copies)
+        self._density = replace(settings.density, max_surfels=settings.density.max_surfels + subject.copies)
         if state.edits is not None:
             self.supervision.replaced = state.edits.images
             self.kept_by_edits = state.edits.frozen(self.kept)

@@ -20,6 +20,7 @@ from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
+from carigs.splat.training.initial_surfels.body_cover import BodyCover
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.initial_surfels.observed_colours import observed_colours
 from carigs.splat.training.initial_surfels.unseen_skin import KEPT_SCALE, LIFTED_SCALE, UnseenSkin
@@ -40,6 +41,7 @@ def initial_surfels(
     hair: HairSurfels | None = None,
     beside: Sequence[CarriedPoints] = (),
     unseen: UnseenSkin | None = None,
+    body_cover: BodyCover | None = None,
 ) -> Surfels:
     """Take the surfels of the avatar `settings.start`, or initialize surfels on every face, and beside the mesh.
 
@@ -53,6 +55,7 @@ def initial_surfels(
         hair: Where hair is; None if there is none.
         beside: Points inside the mouth and of the body.
         unseen: Skin that no training frame shows; None if it is treated like the other.
+        body_cover: What the last two of `beside` are, if discs cover the body where no frame shows it.
 
     Returns:
         Surfels, sorted by triangle.
@@ -77,6 +80,9 @@ def initial_surfels(
         first = on_mesh + len(hair.points.face)
         mine = slice(first, first + len(grafts.source))
         rgb[mine] = grafts.colours(rgb[mine], rgb[on_mesh:first], hair.points.face)
+    if body_cover is not None:
+        first = len(binding) - len(body_cover.points.face)
+        rgb[first:] = body_cover.colours(rgb[first - len(body_cover.body.face) : first])
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.full(len(binding), settings.initial_opacity)
     opacity[features[binding]] = min(settings.initial_opacity, FEATURE_OPACITY)

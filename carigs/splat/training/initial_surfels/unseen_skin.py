@@ -7,7 +7,7 @@ cover it before the training, which leaves them as they are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,6 +42,9 @@ wider ones would reach over the outline, and in the height of the hair, where th
 OUTLINE_RINGS = 2
 """Rings of triangles around those that frames show, and along the border of the mesh, which are trained, too:
 outlines run there, and errors of the tracking move them."""
+BORDER_RINGS = 4
+"""Rings around the triangles that frames show within which the border of the mesh counts as an outline if the neck
+goes on below it."""
 
 HAIR_CONTINUES = 0.02
 """Metres over which colours of seen hair go over to the usual colour of the hair."""
@@ -75,6 +78,8 @@ class UnseenSkin:
     """Which triangles share an edge."""
     area: Float[np.ndarray, " f"]
     """Of the triangles, in square metres."""
+    cosine: Float[np.ndarray, " f"]
+    """How well frames show the triangles (`Sight`)."""
 
     def continued(
         self,
@@ -106,6 +111,20 @@ class UnseenSkin:
             result[part] = filled[part[chosen]]
         return result
 
+    def with_kept(self, faces: Bool[np.ndarray, " f"], count: int) -> tuple[UnseenSkin, Bool[np.ndarray, " f"]]:
+        """Keep some more triangles as they are.
+
+        Args:
+            faces: Triangles to choose from.
+            count: How many are kept: those that frames show worst.
+
+        Returns:
+            The skin, and the triangles that were chosen.
+        """
+        mine = np.flatnonzero(faces)
+        chosen = np.isin(np.arange(len(faces)), mine[np.argsort(self.cosine[mine], kind="stable")[:count]])
+        return replace(self, kept=self.kept | chosen), chosen
+
     def height_of_hair(self, reach: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
         """Continue the reach of the hair over the scalp that no frame shows, down to the skin around.
 
@@ -119,7 +138,7 @@ class UnseenSkin:
 
 
 def find_unseen_skin(
-    capture: Capture, sequence: HeadSequence, regions: Regions, *, scalp: bool = True
+    capture: Capture, sequence: HeadSequence, regions: Regions, *, scalp: bool = True, has_body: bool = False
 ) -> UnseenSkin | None:
     """Find the outer skin that no training frame shows.
 
@@ -132,6 +151,7 @@ def find_unseen_skin(
         regions: Regions of the head model.
         scalp: Whether triangles that carry hair count, too. Where cameras stand around the head, its hair is seen, and
             covers them.
+        has_body: Whether the neck goes on below the border of the mesh, which is no outline then.
 
     Returns:
         The triangles; None if frames show all of them, or nothing of the head.
@@ -153,14 +173,21 @@ def find_unseen_skin(
     matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, beside)  # outlines are soft
     opacity = np.where(matte >= INSIDE_MATTE, COVERING, LEFT_OUT)
     border = boundary_vertices(faces, len(vertices))[faces].any(axis=1)
-    inner = ~_with_rings(faces, (sight.cosine > UNSEEN) | kept | border)
+    seen = (sight.cosine > UNSEEN) | kept
+    if has_body:  # what is far from all that frames show is no outline
+        border &= _with_rings(faces, seen, BORDER_RINGS)
+    inner = ~_with_rings(faces, seen | border)
     well_seen = (sight.cosine >= WELL_SEEN) & ~kept
-    return UnseenSkin(unseen, unseen & inner, opacity, well_seen, hairy, beside, face_areas(vertices, faces))
+    return UnseenSkin(
+        unseen, unseen & inner, opacity, well_seen, hairy, beside, face_areas(vertices, faces), sight.cosine
+    )
 
 
-def _with_rings(faces: Int[np.ndarray, "f 3"], chosen: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:
-    """Triangles, and `OUTLINE_RINGS` rings around them."""
-    for _ in range(OUTLINE_RINGS):
+def _with_rings(
+    faces: Int[np.ndarray, "f 3"], chosen: Bool[np.ndarray, " f"], count: int = OUTLINE_RINGS
+) -> Bool[np.ndarray, " f"]:
+    """Triangles, and rings around them."""
+    for _ in range(count):
         chosen = np.isin(faces, faces[chosen]).any(axis=1)
     return chosen
 
