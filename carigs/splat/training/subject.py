@@ -94,7 +94,8 @@ def prepare_subject(
     if has_body and closed and unseen is not None:
         border = neck_border(capture.model, sequence.rig.vertices)
         if border is not None:
-            unseen, body_carriers = unseen.with_kept(border.carriers, COVER_CARRIERS)
+            count = min(COVER_CARRIERS, int(border.carriers.sum()) // 2)
+            unseen, body_carriers = unseen.with_kept(border.carriers, count)
     kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
     outlines = Outlines(sequence, settings.outline_weight) if settings.outline_weight != 1 else None
