@@ -28,10 +28,7 @@ def faces_beside(faces: Int[np.ndarray, "f 3"]) -> csr_array:
 
 
 def harmonic_faces(
-    values: Float[np.ndarray, " faces *d"],
-    known: Bool[np.ndarray, " faces"],
-    beside: csr_array,
-    decay: Float[np.ndarray, " faces"] | float = TOWARDS_ZERO,
+    values: Float[np.ndarray, " faces *d"], known: Bool[np.ndarray, " faces"], beside: csr_array
 ) -> Float[np.ndarray, " faces *d"]:
     """Continue values harmonically: each unknown one is the mean of those of the triangles beside.
 
@@ -39,9 +36,6 @@ def harmonic_faces(
         values: Values on the triangles; unknown ones are not read.
         known: Which of them are known.
         beside: Which triangles share an edge.
-        decay: Weight of the value 0 against that of a neighbour. With area / (sqrt(3) l^2), values fall by 1 / e in
-            the distance l from a known one, as in the screened Laplace equation: on equilateral triangles, the sum
-            over the neighbours of u_j - u_i is area / sqrt(3) times the Laplacian of u.
 
     Returns:
         The values; 0 on parts of the mesh without a known one.
@@ -50,7 +44,7 @@ def harmonic_faces(
     result = np.array(values, np.float64)
     if not unknown.size:
         return result
-    laplacian = (diags_array(beside.sum(axis=1) + decay) - beside).tocsr()[unknown]
+    laplacian = (diags_array(beside.sum(axis=1) + TOWARDS_ZERO) - beside).tocsr()[unknown]
     columns = result.reshape(len(result), -1)  # a view: it changes the result
     around = laplacian[:, np.flatnonzero(known)] @ columns[known]
     columns[unknown] = splu(laplacian[:, unknown].tocsc()).solve(-around)

@@ -46,18 +46,3 @@ def test_constants_and_linear_functions_continue_on_a_plane():
     filled = harmonic_faces(np.where(inside[:, None], np.nan, values), ~inside, beside)
     assert inside.sum() > 50
     np.testing.assert_allclose(filled, values, atol=1e-6)
-
-
-def test_values_decay_by_e_in_the_given_length():
-    """On a wide strip of equilateral triangles, from a known row on: exp(-x / l) solves the screened equation."""
-    n, length = 48, 6.0
-    row, column = np.divmod(np.arange(n * n), n)
-    corner = np.flatnonzero((row < n - 1) & (column < n - 1))
-    faces = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
-    centre = np.stack([column + 0.5 * row, np.sqrt(0.75) * row], axis=1)[faces].mean(axis=1)
-    known = centre[:, 1] < 1
-    decay = np.full(len(faces), np.sqrt(3) / 4 / (np.sqrt(3) * length**2))
-    filled = harmonic_faces(np.ones(len(faces)), known, faces_beside(faces), decay)
-    inner = (abs(centre[:, 1] - 10) < 5) & (abs(column[faces].mean(axis=1) - n / 2) < 4)
-    slope = np.polyfit(centre[inner, 1], np.log(filled[inner]), 1)[0]
-    assert inner.sum() > 50 and abs(slope * length + 1) < 0.02

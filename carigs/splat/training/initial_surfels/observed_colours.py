@@ -26,8 +26,8 @@ def observed_colours(
     """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
     Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
-    surfels on hidden triangles, whose pixels show what covers them. On unseen skin, colours continue smoothly; on the
-    unseen scalp they soon become the median of what hangs over the seen one.
+    surfels on hidden triangles, whose pixels show what covers them. On unseen skin, colours continue smoothly, and
+    on the unseen scalp those that are nearer to the hair than to the skin.
 
     Args:
         binding: Triangle of each surfel.
@@ -69,12 +69,11 @@ def observed_colours(
         known = face_weight > 0 if hair is None else (face_weight > 0) & ~hair.hidden
         above = (unseen.well_seen & unseen.scalp)[binding] & (position[:, 2] > 0) & (weight > 0)
         skin = known & unseen.well_seen & ~unseen.scalp
-        of_hair = None
         if hair is not None and above.any() and skin.any():
-            of_hair = np.median(total[above] / weight[above, None], axis=0)
             # The scalp of a head model has a hairline of its own: skin below it does not continue as hair.
-            known &= ~unseen.scalp | _is_nearer(face, of_hair, np.median(face[skin], axis=0))
-        face[unseen.faces] = unseen.continued(face, known, of_hair)[unseen.faces]
+            of_hair, of_skin = np.median(total[above] / weight[above, None], axis=0), np.median(face[skin], axis=0)
+            known &= ~unseen.scalp | _is_nearer(face, of_hair, of_skin)
+        face[unseen.faces] = unseen.continued(face, known)[unseen.faces]
         weight = np.where(unseen.faces[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 

@@ -15,10 +15,10 @@ from scipy.sparse import csr_array
 
 from carigs.capture import Capture
 from carigs.capture.evenly_spread import evenly_spread
-from carigs.hair.harmonic_faces import TOWARDS_ZERO, faces_beside, harmonic_faces
+from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.head.facial_regions import EYEBALLS, MOUTH, eye_and_brow_faces
 from carigs.mesh.ambient_occlusion import ambient_occlusion
-from carigs.mesh.triangle_mesh import boundary_vertices, face_areas
+from carigs.mesh.triangle_mesh import boundary_vertices
 from carigs.raster.seen_triangles import seen_triangles
 from carigs.settings.regions import Regions
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -45,9 +45,6 @@ outlines run there, and errors of the tracking move them."""
 BORDER_RINGS = 4
 """Rings around the triangles that frames show within which the border of the mesh counts as an outline if the neck
 goes on below it."""
-
-HAIR_CONTINUES = 0.02
-"""Metres over which colours of seen hair go over to the usual colour of the hair."""
 
 
 @dataclass(frozen=True)
@@ -76,38 +73,24 @@ class UnseenSkin:
     """Triangles that carry hair; hair and skin do not take each other's colours."""
     beside: csr_array
     """Which triangles share an edge."""
-    area: Float[np.ndarray, " f"]
-    """Of the triangles, in square metres."""
     cosine: Float[np.ndarray, " f"]
     """How well frames show the triangles (`Sight`)."""
 
-    def continued(
-        self,
-        values: Float[np.ndarray, "f c"],
-        known: Bool[np.ndarray, " f"],
-        of_hair: Float[np.ndarray, " c"] | None = None,
-    ) -> Float[np.ndarray, "f c"]:
+    def continued(self, values: Float[np.ndarray, "f c"], known: Bool[np.ndarray, " f"]) -> Float[np.ndarray, "f c"]:
         """Continue values of well seen triangles over the others, harmonically: each is the mean of those beside.
 
         Args:
             values: Values of the triangles, such as colours.
             known: Triangles that have one.
-            of_hair: What the values on the scalp become farther than `HAIR_CONTINUES` from known ones: a few triangles
-                at the hairline should not colour the back of a head. None continues them as on skin.
 
         Returns:
             The values; those of well seen triangles are the same.
         """
         result, source = np.array(values, np.float64), known & self.well_seen
         for part in (self.scalp, ~self.scalp):
-            if part is self.scalp and of_hair is not None:
-                base, decay, chosen = of_hair, self.area / (np.sqrt(3) * HAIR_CONTINUES**2), np.flatnonzero(part)
-            else:
-                # A part of which no frame shows anything takes the values around it.
-                base, decay = np.zeros(values.shape[1]), np.full(len(part), TOWARDS_ZERO)
-                chosen = np.flatnonzero(part) if (source & part).any() else np.arange(len(part))
-            beside = self.beside[chosen][:, chosen]
-            filled = base + harmonic_faces(values[chosen] - base, source[chosen], beside, decay[chosen])
+            # A part of which no frame shows anything takes the values around it.
+            chosen = np.flatnonzero(part) if (source & part).any() else np.arange(len(part))
+            filled = harmonic_faces(values[chosen], source[chosen], self.beside[chosen][:, chosen])
             result[part] = filled[part[chosen]]
         return result
 
@@ -178,9 +161,7 @@ def find_unseen_skin(
         border &= _with_rings(faces, seen, BORDER_RINGS)
     inner = ~_with_rings(faces, seen | border)
     well_seen = (sight.cosine >= WELL_SEEN) & ~kept
-    return UnseenSkin(
-        unseen, unseen & inner, opacity, well_seen, hairy, beside, face_areas(vertices, faces), sight.cosine
-    )
+    return UnseenSkin(unseen, unseen & inner, opacity, well_seen, hairy, beside, sight.cosine)
 
 
 def _with_rings(

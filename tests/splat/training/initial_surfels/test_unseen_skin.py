@@ -189,12 +189,12 @@ def test_hair_continues_as_hair_and_skin_as_skin(from_front):
 
 
 def test_skin_below_the_hairline_does_not_colour_the_back_of_the_head(from_front):
-    """Frames that show bare skin on the lowest quarter of the seen scalp, down to where no frame looks."""
+    """Frames that show bare skin on the lowest 40 % of the seen scalp, down to where no frame looks."""
     capture, path = from_front
     subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
     sequence, unseen, rig = subject.sequence, subject.unseen, subject.sequence.rig
     centres, scalp = barycenters(rig.vertices, rig.faces), unseen.scalp
-    hairline = np.percentile(centres[scalp & unseen.well_seen, 1], 25)
+    hairline = np.percentile(centres[scalp & unseen.well_seen, 1], 40)
     shown = np.vstack([np.where((scalp & (centres[:, 1] > hairline))[:, None], HAIR, SKIN), [1, 1, 1]])
     views = []
     for frame in capture.split("train"):
@@ -208,9 +208,9 @@ def test_skin_below_the_hairline_does_not_colour_the_back_of_the_head(from_front
     rgb = observed_colours(binding, position, sequence, views, subject.hair, unseen)[: len(rig.faces)]
     back = unseen.faces & scalp
     away = abs(rgb[back] - HAIR).max(axis=1)
-    assert back.sum() > 20 and np.median(away) < 0.02 and away.max() < 0.5 * abs(SKIN - HAIR).max()
+    assert back.sum() > 20 and np.median(away) < 0.15 and away.max() < 0.5 * abs(SKIN - HAIR).max()
     without = observed_colours(binding, position, sequence, views, None, unseen)[: len(rig.faces)]
-    assert np.median(abs(without[back] - HAIR).max(axis=1)) > 0.1
+    assert np.median(abs(without[back] - HAIR).max(axis=1)) > 2 * np.median(away)
 
 
 def test_skin_beyond_the_matte_is_left_out(from_front, monkeypatch):
