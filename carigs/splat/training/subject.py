@@ -59,7 +59,7 @@ class TrainingSubject(NamedTuple):
 
     @property
     def copies(self) -> int:
-        """Number of points that are not trained, in front of what no frame shows."""
+        """Number of points that cover what no frame shows, and whose surfels are not trained: copied hair, body."""
         cover = 0 if self.body_cover is None else len(self.body_cover.points.face)
         return cover + (0 if self.hair is None else self.hair.copies)
 

@@ -1,6 +1,6 @@
-"""A cover over the sides of the body that no frame shows: its back, and all that is hollow before one camera.
+"""A cover over the sides of the body that no frame shows, such as its back before one camera.
 
-Surfels of the body start where frames show it. From the side one would look between them, into a shell. Opaque discs
+Surfels of the body start where frames show it. From the side, a viewer would look between them into a hollow shell. Opaque discs
 on the rest of the surface close it, in the colours of what is seen at about the same distance from the middle. The
 training leaves them as they are.
 """
@@ -35,7 +35,7 @@ COVER_CARRIERS = 8
 ALONG = 0.3
 """Weight of a difference in height where colours are looked up: at the back, a collar is higher than at the front."""
 SHARE = 0.05
-"""Of the surfels of the body, whose median is a colour."""
+"""Share of the points of the seen body from whose median a disc takes its colour: the nearest ones."""
 
 
 class BodyCover(NamedTuple):

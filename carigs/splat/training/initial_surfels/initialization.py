@@ -55,7 +55,8 @@ def initial_surfels(
         hair: Where hair is; None if there is none.
         beside: Points inside the mouth and of the body.
         unseen: Skin that no training frame shows; None if it is treated like the other.
-        body_cover: What the last two of `beside` are, if discs cover the body where no frame shows it.
+        body_cover: Discs that cover the body where no frame shows it; None if there are none. Its seen points, then its
+            discs, are the last two of `beside`.
 
     Returns:
         Surfels, sorted by triangle.
