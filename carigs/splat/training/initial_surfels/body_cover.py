@@ -1,8 +1,8 @@
 """A cover over the sides of the body that no frame shows, such as its back before one camera.
 
-Surfels of the body start where frames show it. From the side, a viewer would look between them into a hollow shell. Opaque discs
-on the rest of the surface close it, in the colours of what is seen at about the same distance from the middle. The
-training leaves them as they are.
+Surfels of the body start where frames show it. From the side, a viewer would look between them into a hollow shell.
+Opaque discs on the rest of the surface close it, in the colours of what is seen at about the same distance from the
+middle. The training leaves them as they are.
 """
 
 from __future__ import annotations
